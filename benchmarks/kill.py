@@ -56,7 +56,7 @@ except ImportError:  # run as a script
 BOUND_MS: Final = 100.0
 KEEP: Final = "last 2, 20 kB"
 EARLIEST_S: Final = 0.05  # after the first turn
-LATEST_S: Final = 0.8
+LATEST_S: Final = 2.5  # columns are made once a second
 BEGIN_S: Final = 120.0  # for the first turn; then the recorder has died, or hangs
 ENVIRONMENT: Final = '''
 import os, time

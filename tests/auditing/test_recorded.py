@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from gymnasium.spaces import Box
+from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
+from gamekeeper.auditing.recorded import failed_rows, outside_actions
 from gamekeeper.errors import EvidenceError
 from tests.faults import environments
 
@@ -56,3 +61,45 @@ def test_run_of_digests_is_refused_with_the_way_out(tmp_path: Path) -> None:
     run = recorded("Rovers", tmp_path / "run", level="digest")
     with pytest.raises(EvidenceError, match="--level full"):
         gk.audit(run)
+
+
+class Moved(ParallelEnv):  # type: ignore[type-arg, misc]  # PettingZoo ships no types
+    """Observation and reward are what was done: sound, and no better than its policies."""
+
+    metadata = {"name": "moved_v0"}  # noqa: RUF012  # as PettingZoo has it
+    possible_agents = ["a"]  # noqa: RUF012  # the same
+
+    def observation_space(self, agent: str) -> Box:
+        return Box(-1, 1, (1,), np.float32)
+
+    action_space = observation_space
+
+    def reset(self, seed: int | None = None, options: object = None) -> Any:
+        self.agents, self.tick = ["a"], 0
+        return {"a": np.zeros(1, np.float32)}, {"a": {}}
+
+    def step(self, actions: Any) -> Any:
+        self.tick += 1
+        over = {"a": self.tick > 2}
+        self.agents = [] if over["a"] else ["a"]
+        action = actions["a"]
+        return {"a": action}, {"a": float(action[0])}, over, {"a": False}, {"a": {}}
+
+
+@pytest.mark.parametrize(("value", "seen"), [(np.nan, "NaN at [0]"), (2.0, "2.0 at [0]")])
+def test_what_follows_an_action_out_of_its_space_is_not_judged(
+    tmp_path: Path, value: float, seen: str
+) -> None:
+    """A policy's NaN is the policy's: it is counted, and its episode says nothing of the rules."""
+
+    def policy(observation: Any, agent: str, info: Any, rng: Any) -> Any:
+        return np.float32([value])
+
+    evidence = gk.rollout(Moved, policies=policy, out=str(tmp_path / "run"), episodes=1)
+    assert failed_rows(evidence) == ()
+    found = gk.audit(tmp_path / "run", select=("GK214", "GK215", "GK401"))
+    assert {each.outcome for each in found.verdicts} == {"not_exercised"}
+    assert "out of its space" in found.of("GK215").reason
+    ((agent, (count, of, first)),) = outside_actions(evidence).items()
+    assert (agent, count, of) == ("a", 3, 3)
+    assert first.startswith(f"episode 0, turn 0, action['a']: {seen}")

@@ -149,8 +149,9 @@ def test_a_last_step_that_is_left_out_is_found(part: int, id: str) -> None:
     assert broken(lambda: Counting(bend=bend)) == {id}
 
 
-def test_a_late_joiner_is_only_owed_a_view() -> None:
-    """An agent that joins in a step needs an observation, and no reward for what it didn't do."""
+@pytest.mark.parametrize("paid", [None, 0.0, 0.25])
+def test_a_late_joiner_is_only_owed_a_view(paid: float | None) -> None:
+    """An agent that joins in a step needs an observation; it may be paid in it, and need not."""
 
     class Joining(Counting):
         def reset(self, seed: int | None = None, options: Any = None) -> Any:
@@ -163,6 +164,8 @@ def test_a_late_joiner_is_only_owed_a_view() -> None:
             if self.tick == 2 and out[0]:
                 self.agents.append("c")
                 out[0]["c"] = 2
+                if paid is not None:
+                    out[1]["c"] = paid
             return out
 
     assert broken(Joining) == set()

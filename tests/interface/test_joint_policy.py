@@ -155,6 +155,22 @@ def test_cast_resets_policies_that_can_be_reset() -> None:
     assert all(0 <= seed < 2**31 for seed in one.seeds)
 
 
+def test_cast_resets_a_policy_that_takes_no_seed() -> None:
+    """A `reset()` without arguments is called without any."""
+    calls = []
+
+    class Plain:
+        def reset(self) -> None:
+            calls.append("reset")
+
+        def __call__(self, observation: Any, agent: Any, info: Any, rng: Generator) -> int:
+            return 0
+
+    played = cast({"*": Plain()})
+    played.begin(0, 1)
+    assert set(calls) == {"reset"}
+
+
 def test_cast_takes_agents_of_any_kind() -> None:
     """Agents that are numbers are chosen for by their text."""
     played = cast({"1": constant(1), "*": constant(0)}, agents=[0, 1], roles=lambda agent: None)

@@ -77,3 +77,25 @@ def test_tally_keeps_what_broke_an_episode_off() -> None:
     assert outcome.error is not None
     assert "no idea" in outcome.error
     assert not outcome.is_over
+
+
+@pytest.mark.parametrize("spec", ["two_robot_line", "connect_four"])
+def test_tally_says_at_which_turn_a_policy_raised(spec: str) -> None:
+    """As the record says it: a capture that records nothing counts no turns."""
+    opened = open_env(spec)
+    turns = []
+
+    class Tired:
+        def begin(self, seed: int, stream: int) -> None:
+            self.left = 4
+
+        def act(self, agent: Any, observation: Any, info: Any) -> Any:
+            self.left -= 1
+            if not self.left:
+                raise RuntimeError("tired")
+            return 1
+
+    for count in (tally, lambda *given, **options: outcome_of(perform(*given, **options).trace)):
+        outcome = count(EpisodePlan(seed=0), opened.env, cast=Tired())
+        turns.append(outcome.turns)
+    assert turns[0] == turns[1] > 0

@@ -42,7 +42,7 @@ def read(folder: Path, *, check: bool = True, salvage: bool = False) -> RunFiles
     manifest = load_manifest(folder)
     checksums = checksums_of(manifest, folder / MANIFEST)
     if checksums is None:
-        tables, cuts = open_tables(folder, salvage=salvage)
+        tables, cuts = open_tables(folder, manifest, salvage=salvage)
         return RunFiles(manifest, False, cuts, **(EMPTY | tables))
     if check:
         check_finalized(folder, manifest, checksums)

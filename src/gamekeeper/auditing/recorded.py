@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +23,8 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.agent_spec import AgentSpec, agent_spec
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.spaces.misfit import BOUNDS, NAN, Misfit, misfits
+from gamekeeper.episodes.where import Where
 from gamekeeper.errors import EvidenceError, TrustError
 from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.runs.files.folder import MANIFEST
@@ -33,6 +35,8 @@ ROWS: Final = frozenset({ROLLOUT, "spaces"})
 MOST_ROWS: Final = 5_000
 """Agent steps of the episodes that are judged beside another command: a second or two."""
 NEEDS_RERUNS: Final = "it needs reruns: `gamekeeper audit ENV` makes them"
+
+OUTSIDE: Final = "in every episode a policy's action is out of its space, NaN or beyond a bound"
 
 
 def is_run(spec: str | PathLike[str]) -> bool:
@@ -134,6 +138,40 @@ def masked_actions(evidence: Evidence) -> dict[str, tuple[int, int]]:
     return {name: (count, masked[name]) for name, count in forbidden.items() if count}
 
 
+def outside_actions(evidence: Evidence) -> dict[str, tuple[int, int, str]]:
+    """Actions of each agent out of its action space: how many, of how many, and the first place.
+
+    Those of the first episodes: a fault of the policies. What an environment answers says nothing
+    of it, so episodes with such an action aren't judged.
+    """
+    agents = _agents(evidence, evidence.contract)
+    counts: Counter[str] = Counter()
+    outside: Counter[str] = Counter()
+    first: dict[str, str] = {}
+    for episode in _first_episodes(evidence):
+        for turn in episode.turns:
+            counts.update(turn.actions.keys())
+        for name, place, misfit in _outside(episode, agents):
+            outside[name] += 1
+            first.setdefault(name, f"{place}: {misfit.actual}, expected {misfit.expected}")
+    return {name: (count, counts[name], first[name]) for name, count in outside.items()}
+
+
+def _outside(
+    episode: Episode, agents: Mapping[str, AgentSpec]
+) -> Iterator[tuple[str, Where, Misfit]]:
+    """Agent and place of an episode's actions that are NaN or beyond a bound, and what was seen."""
+    for turn in episode.turns:
+        for name, action in turn.actions.items():
+            space = agents[name].action_space if name in agents else None
+            if space is None or action is None:
+                continue
+            for misfit in misfits(space, action):
+                if misfit.kind in (NAN, BOUNDS):
+                    yield name, episode.at(turn, name, "action"), misfit
+                    break
+
+
 def _first_episodes(evidence: Evidence) -> list[Episode]:
     """The first whole episodes, of MOST_ROWS agent steps; none without observations."""
     episodes: list[Episode] = []
@@ -153,12 +191,14 @@ def _reads_rows(check: Check) -> bool:
 
 def _recorded(evidence: Evidence, contract: Contract, episodes: Iterable[Episode]) -> ProbeEvidence:
     """Episodes of a run in the place of those that the probe of rollouts plays."""
-    looks = tuple(ProbeRun(traces=(each,)) for each in episodes)
+    agents, many = _agents(evidence, contract), list(episodes)
+    fair = [each for each in many if next(_outside(each, agents), None) is None]
+    none = OUTSIDE if many else "the run has no episode"
     return ProbeEvidence(
         api=str((evidence.manifest.get("environment") or {}).get("api")),
-        agents=_agents(evidence, contract),
-        looks={ROLLOUT: looks},
-        not_exercised={ROLLOUT: "the run has no episode"} if not looks else {},
+        agents=agents,
+        looks={ROLLOUT: tuple(ProbeRun(traces=(each,)) for each in fair)},
+        not_exercised={} if fair else {ROLLOUT: none},
     )
 
 

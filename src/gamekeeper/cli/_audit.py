@@ -216,17 +216,37 @@ def show_failed_rows(
     screen: Screen, evidence: Evidence, *, known: Collection[str] = ()
 ) -> list[dict[str, Any]]:
     """Shows the rules that the rows of a run break, but for `known` ids; returns their verdicts."""
-    from gamekeeper.auditing.recorded import failed_rows, masked_actions
-    from gamekeeper.reporting.audit_text import masked_text, rows_text
+    from gamekeeper.auditing.recorded import failed_rows
+    from gamekeeper.reporting.audit_text import rows_text
 
     verdicts = [each.to_json() for each in failed_rows(evidence) if each.id not in known]
     if verdicts:
         run = shlex.quote(str(evidence.path))
         screen.show(f"\n{rows_text(verdicts, run, width=screen.width)}")
-    masked = masked_text(masked_actions(evidence), width=screen.width)
-    if masked:
-        screen.show(f"\n{masked}")
+    show_illegal_actions(screen, evidence)
     return verdicts
+
+
+def show_illegal_actions_of(screen: Screen, spec: str) -> None:
+    """Shows them of a recorded run; of an environment there are none."""
+    from gamekeeper.auditing.recorded import is_run
+    from gamekeeper.runs.load_run import load
+
+    if is_run(spec):
+        show_illegal_actions(screen, load(spec))
+
+
+def show_illegal_actions(screen: Screen, evidence: Evidence) -> None:
+    """Shows the actions that their mask forbids, or that are out of their space."""
+    from gamekeeper.auditing.recorded import masked_actions, outside_actions
+    from gamekeeper.reporting.audit_text import masked_text, outside_text
+
+    for text in (
+        masked_text(masked_actions(evidence), width=screen.width),
+        outside_text(outside_actions(evidence), width=screen.width),
+    ):
+        if text:
+            screen.show(f"\n{text}")
 
 
 def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:

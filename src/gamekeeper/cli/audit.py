@@ -17,6 +17,7 @@ from gamekeeper.cli._audit import (
     say_not_exercised,
     show_audit,
     show_audits,
+    show_illegal_actions_of,
     worst_code,
     write_audit,
     write_audits,
@@ -185,6 +186,7 @@ def command(
             raise
         document, code = interrupted.result.to_json(), INTERRUPTED
     show_audit(screen, document)
+    show_illegal_actions_of(screen, env[0])
     say_not_exercised(screen, document)
     if out is not None:
         screen.note(f"written to {out}: {', '.join(write_audit(out, document))}")

@@ -20,7 +20,7 @@ from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import open_env
-from gamekeeper.interface.policy import EVERYONE, REFERENCE, SAME, shared_with
+from gamekeeper.interface.policy import EVERYONE, REFERENCE, SAME, reset_policy, shared_with
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
 from gamekeeper.rollouts.intervention import Intervention
@@ -458,5 +458,5 @@ class _Forgetful:
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         if agent_name(agent) in self._agents:
-            self._cast.chosen_for(agent).policy.reset(seed=self._seed)
+            reset_policy(self._cast.chosen_for(agent).policy, self._seed)
         return self._cast.act(agent, observation, info)

@@ -152,6 +152,37 @@ def take(buffer: Buffer, *, most: int, most_rows: int = 65_536) -> BufferedTurns
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Numbers of turns, rows, usual rows, starts and ends at the front of a buffer."""
+
+    turns: int = 0
+    rows: int = 0
+    usual: int = 0
+    starts: int = 0
+    ends: int = 0
+
+
+def added(buffer: Buffer, since: Counts) -> tuple[BufferedTurns, Counts]:
+    """Copies the whole turns behind those that `since` counts, and counts them too."""
+    with buffer.lock:
+        ends = len(buffer.ends)
+        turns = len(buffer.turns) // TURN
+        marks = buffer.turns[since.turns * TURN : turns * TURN]
+        rows, usual = _rows_of(marks[2::TURN])  # type: ignore[arg-type]  # numbers of rows
+        now = Counts(turns, since.rows + rows, since.usual + usual, len(buffer.starts), ends)
+        few = slice(since.usual, now.usual)
+        waiting = buffer.usual
+        return BufferedTurns(
+            buffer.given[since.rows * GIVEN : now.rows * GIVEN],
+            buffer.done[since.rows * DONE : now.rows * DONE],
+            marks,
+            buffer.starts[since.starts : now.starts],
+            buffer.ends[since.ends : ends],
+            UsualRows(waiting.agents[few], waiting.actions[few], waiting.rewards[few]),
+        ), now
+
+
 def cut_back(buffer: Buffer) -> None:
     """Takes off rows without a commit mark: an interrupt came while their turn was appended."""
     with buffer.lock:

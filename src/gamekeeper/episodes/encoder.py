@@ -116,8 +116,7 @@ class Encoder:
         """The batches of what is in columns already; without timings."""
         for start in columns.starts:
             header = episode_header(seed=start.seed, options=start.options)
-            kind = KeptDigest if (self.prints or self.level) == KEPT else EpisodeDigest
-            self._open[start.episode] = kind(header)
+            self._open[start.episode] = self._digest(header)
         block, states, steps, digests = columns.rows, columns.states, None, None
         encoded_states = None
         if block is not None and (self.prints or self.level) == KEPT:
@@ -160,6 +159,13 @@ class Encoder:
             ),
             digests=digests,
         )
+
+    def begin(self, episodes: Collection[int]) -> None:
+        """Takes episodes whose first rows are elsewhere; their fingerprints say nothing."""
+        self._open |= {number: self._digest("") for number in episodes}
+
+    def _digest(self, header: str) -> Any:
+        return (KeptDigest if (self.prints or self.level) == KEPT else EpisodeDigest)(header)
 
     def _states(self, states: States) -> pa.RecordBatch:
         digests = state_digests(states, hasher=self.hasher)

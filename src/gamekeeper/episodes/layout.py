@@ -258,19 +258,26 @@ def _column(field: pa.Field) -> Column:
     return column
 
 
+def is_leaf(leaf: Leaf) -> bool:
+    """True if a leaf that a file describes is one that a space can have."""
+    if not isinstance(leaf.path, str) or leaf.kind not in _KINDS:
+        return False
+    if leaf.kind in ("text", "json", "int"):
+        return True
+    if any(type(length) is not int or length < 0 for length in leaf.shape):
+        return False
+    return not np.dtype(leaf.dtype).hasobject and length_of(leaf) <= _MOST
+
+
 def _fits(leaf: Leaf, kind: pa.DataType) -> bool:
     """True if a column of this type can hold such a leaf."""
-    if not isinstance(leaf.path, str) or leaf.kind not in _KINDS:
+    if not is_leaf(leaf):
         return False
     if leaf.kind in ("text", "json"):
         return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
     if leaf.kind == "int":
         return bool(pa.types.is_int64(kind))
-    if any(type(length) is not int or length < 0 for length in leaf.shape):
-        return False
     dtype: np.dtype[Any] = np.dtype(leaf.dtype)
-    if dtype.hasobject or length_of(leaf) > _MOST:
-        return False
     if leaf.kind == "bytes" or not length_of(leaf):
         return bool(pa.types.is_binary(kind) or pa.types.is_large_binary(kind))
     return bool(

@@ -26,6 +26,7 @@ from gamekeeper.interface.policy import (
     Start,
     guarded_seat,
     raised,
+    reset_policy,
     resolve,
     shared_with,
 )
@@ -192,7 +193,7 @@ class JointPolicy:
             # A stream of its own: what the policy does with it must not repeat an agent's draws.
             seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
             try:
-                chosen.policy.reset(seed=seed)  # type: ignore[union-attr]
+                reset_policy(chosen.policy, seed)
             except (Exception, SystemExit) as error:
                 raise raised(chosen, whom, error) from error
 
@@ -287,7 +288,7 @@ class JointPolicy:
         policy: Any = chosen.policy
         if callable(getattr(policy, "reset", None)):
             try:
-                policy.reset(seed=int(rng.integers(1 << 31)))
+                reset_policy(policy, int(rng.integers(1 << 31)))
             except (Exception, SystemExit) as error:
                 raise raised(chosen, agent, error) from error
         elif not isinstance(policy, ModuleType):

@@ -108,13 +108,26 @@ _CALL: Final = "(observation, agent, info, rng)"
 class Policy(Protocol):
     """Chooser of actions: any callable of this form, called once a turn for each of its agents.
 
-    Optional: `version`, a text kept with the evidence; `reset(seed)`, called before each episode
-    with a whole number in [0, 2**31) that depends on the run's seed, the episode and whom it plays.
+    Optional: `version`, a text kept with the evidence; `reset(seed)` or `reset()`, called before
+    each episode, with a whole number in [0, 2**31) that depends on the run's seed, the episode and
+    whom it plays.
     All randomness should come from `rng`, a stream of the agent's own for the episode.
     """
 
     def __call__(self, observation: Any, agent: Any, info: Any, rng: Generator) -> Any:
         """The action of a live agent; never None."""
+
+
+def reset_policy(policy: Any, seed: int) -> None:
+    """Calls the `reset` of a policy, with a seed where it takes one."""
+    try:
+        parameters = inspect.signature(policy.reset).parameters
+    except (TypeError, ValueError):  # compiled code says nothing of its parameters
+        takes_seed = True
+    else:
+        kinds = {each.kind for each in parameters.values()}
+        takes_seed = "seed" in parameters or inspect.Parameter.VAR_KEYWORD in kinds
+    policy.reset(**({"seed": seed} if takes_seed else {}))
 
 
 Choice: TypeAlias = "str | Policy | Chosen"

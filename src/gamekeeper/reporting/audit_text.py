@@ -136,6 +136,17 @@ def masked_text(masked: Mapping[str, tuple[int, int]], *, width: int) -> str:
     return _section("Actions that their mask forbids (of the policies)", rows, width)
 
 
+def outside_text(outside: Mapping[str, tuple[int, int, str]], *, width: int) -> str:
+    """Actions out of their space, by agent; empty where there are none."""
+    rows = [
+        (name, _short(f"{count:,} of {of:,}. First at {place}"))
+        for name, (count, of, place) in outside.items()
+    ]
+    if rows:
+        rows.append(("", "(episodes with such an action aren't judged)"))
+    return _section("Actions out of their space (of the policies)", rows, width)
+
+
 def suspected_text(audit: Document, *, width: int) -> str:
     """Checks with a failed case that their reproducer doesn't show: place, value and reason."""
     rows = []

@@ -289,8 +289,14 @@ class EpisodeLoop:
                 raise
             text = traceback_text(error, limit=-12)
             kind = type_name_of(type(error))
-            return FailedCall(self._call, self._capture.turn, kind, message(error)[:500], text)
+            return FailedCall(self._call, self._failed_turn(), kind, message(error)[:500], text)
         return None
+
+    def _failed_turn(self) -> int:
+        """Turn of the call that raised; a capture that records nothing doesn't count them."""
+        if self._capture.sink is not None:
+            return int(self._capture.turn)
+        return len(self.taken) - (self._call == "step")
 
     def _begin(self) -> None:
         self._hooks.declared(self._contract)

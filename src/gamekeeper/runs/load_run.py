@@ -62,7 +62,7 @@ def _whole_turns(
     The segments that are being read may be gone then, so that the run looks empty or damaged.
     """
     try:
-        found, _ = open_tables(folder, salvage=salvage, segments=manifest.get("segments"))
+        found, _ = open_tables(folder, manifest, salvage=salvage)
     except RunError:
         if load_manifest(folder) == manifest:
             raise

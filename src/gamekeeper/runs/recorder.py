@@ -20,11 +20,20 @@ import pyarrow as pa
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.block import most_rows
-from gamekeeper.episodes.buffer import GIVEN, TURN, Buffer, BufferedTurns, LargePlace, take
+from gamekeeper.episodes.buffer import (
+    GIVEN,
+    TURN,
+    Buffer,
+    BufferedTurns,
+    Counts,
+    LargePlace,
+    added,
+    take,
+)
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.encoder import KEPT, LEVELS, Encoder
 from gamekeeper.episodes.evidence import manifest_of
-from gamekeeper.episodes.layout import Layout
+from gamekeeper.episodes.layout import Column, Layout
 from gamekeeper.errors import (
     DependencyError,
     EvidenceError,
@@ -87,7 +96,10 @@ def require_pillow() -> Any:
 
 # -- The recorder: a sink whose own thread hashes, compresses and writes, off the step path
 
-FLUSH_S: Final = 0.04
+FLUSH_S: Final = 0.04  # at the latest what came is safe from a kill
+ENCODE_S: Final = 1.0  # at the latest it is encoded; until then it is in the journal
+ENCODE_ROWS: Final = 8192
+ENCODE_BYTES: Final = 1 << 20
 FLUSH_TURNS: Final = 4096
 MOST_TURNS: Final = 4 * FLUSH_TURNS  # on the buffer; beyond, the step waits for the writer
 MOST_FRAMES: Final = 32  # waiting to be encoded; beyond, the step waits too
@@ -184,6 +196,7 @@ class RunRecorder:
         self._is_closed = False
         self._process = os.getpid()
         self._described: object = None
+        self._journaled, self._encoded_at = Counts(), time.monotonic()
         self._buffered: BufferedTurns | None = None
         self.after_flush: Callable[[BufferedTurns], None] = no_watch
         """Called in the thread once buffered turns are written."""
@@ -262,8 +275,42 @@ class RunRecorder:
             self._flush()
 
     def _flush(self) -> None:
-        columns = [*self.layout.columns("obs"), *self.layout.columns("action")]
-        rows = most_rows(columns)
+        if not self._is_due() and self._journal():
+            return
+        self._encode()
+        while self._frames:
+            episode, turn, frame = self._frames.popleft()
+            suffix, data = encode_frame(frame)
+            self._store.write_frame(f"{episode:06d}-{turn:06d}.{suffix}", data)
+
+    def _is_due(self) -> bool:
+        """True if what waits is to be encoded: much of it, or since long."""
+        buffer = self.buffer
+        rows = len(buffer.given) // GIVEN + len(buffer.usual.agents)
+        return (
+            self._closing
+            or bool(self._frames)
+            or rows >= most_rows(self._columns(), ENCODE_ROWS, ENCODE_BYTES)
+            or len(buffer.turns) >= FLUSH_TURNS * TURN
+            or time.monotonic() - self._encoded_at >= ENCODE_S
+        )
+
+    def _columns(self) -> list[Column]:
+        return [*self.layout.columns("obs"), *self.layout.columns("action")]
+
+    def _journal(self) -> bool:
+        """Copies into the journal what came since the last time; False where it can't hold it."""
+        turns, counts = added(self.buffer, self._journaled)
+        if counts == self._journaled:
+            return True
+        self._describe()
+        if not self._store.journal.write(turns, self.layout, is_timed=self._is_timed):
+            return False
+        self._journaled = counts
+        return True
+
+    def _encode(self) -> None:
+        rows = most_rows(self._columns())
         waiting = len(self.buffer.turns)  # what comes meanwhile waits: few turns cost as many do
         while (buffered := take(self.buffer, most=FLUSH_TURNS, most_rows=rows)) is not None:
             self._buffered = buffered
@@ -275,14 +322,14 @@ class RunRecorder:
                 if stream == "timings" and not self._is_timed:
                     continue
                 self._store.append(stream, batch)
+            if len(buffered.turns) >= self._journaled.turns * TURN:  # all that the journal holds
+                self._store.journal.clear()
+                self._journaled = Counts()
             self.after_flush(buffered)
             waiting -= len(buffered.turns)
             if waiting <= 0:
                 break
-        while self._frames:
-            episode, turn, frame = self._frames.popleft()
-            suffix, data = encode_frame(frame)
-            self._store.write_frame(f"{episode:06d}-{turn:06d}.{suffix}", data)
+        self._encoded_at = time.monotonic()
 
     def _describe(self) -> None:
         """Names the spaces in the open run's manifest before the first row that needs them.
@@ -305,7 +352,7 @@ class RunRecorder:
         # its large observations were perhaps opened; a slot that is freed twice does no harm now
         buffered = self._buffered
         while not self._closing:
-            held = () if buffered is None else (*buffered.given[1::GIVEN], *buffered.turns[4::TURN])
+            held = () if buffered is None else (*buffered.given[1::GIVEN], *buffered.turns[6::TURN])
             for item in held:
                 if item.__class__ is LargePlace:
                     self.rings.release(item)

@@ -213,7 +213,7 @@ def standing(
 def identity_rows(
     then: Mapping[str, Any], now: Mapping[str, Any], *, command: str, replay: str
 ) -> Iterator[Standing]:
-    """Name, API, arguments, source and versions of an environment.
+    """Name, API, arguments, entry point, source and versions of an environment.
 
     Args:
         then, now: identities.
@@ -223,6 +223,9 @@ def identity_rows(
     for what in ("name", "api", "kwargs"):
         one, two = _shown(then.get(what)), _shown(now.get(what))
         yield _row(what, one, two, "stale", ALL, command)
+    # one file has one digest, whichever of its classes is opened
+    one, two = _shown(then.get("entry_point")), _shown(now.get("entry_point"))
+    yield _row("entry point", one, two, "unknown", REPLAY, replay)
     one, two = then.get("source_digest"), now.get("source_digest")
     if one is None or two is None:
         yield Standing("source", _shown(one), _shown(two), "unknown", REPLAY, replay)

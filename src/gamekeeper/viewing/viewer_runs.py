@@ -23,7 +23,7 @@ SOONEST_S: Final = 1.0
 """Least time between two readings of a run that grows, in seconds."""
 SHARE: Final = 4.0
 """Pause after a reading, as a multiple of its duration: a recording needs the cores."""
-RECORDED: Final = (".arrows", ".parquet")
+RECORDED: Final = (".arrows", ".msgpack", ".parquet")
 
 Stamp = tuple[tuple[str, int, int, int], ...]
 """By file: name, inode, size and time of its last change."""

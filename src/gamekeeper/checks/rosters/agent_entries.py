@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Final
 
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
@@ -115,10 +116,14 @@ def accounts_are_kept_of_the_living_only(
         return
     for trace in evidence["rollout"]:
         ever: set[str] = set()
-        for each in turn_entries(trace):
+        turns = [*turn_entries(trace), None]
+        for each, following in pairwise(turns):
+            assert each is not None  # for the type checker: None stands behind the last one
             ever |= each.turn.live
             gone = {a for a in each.turn.agents if a in ever or a in evidence.agents}
             gone -= each.turn.live | each.before | each.acted
+            if following is not None:  # they joined in the step, and may be paid in it
+                gone -= following.turn.live
             gone -= each.turn.ended - ever  # they joined, and ended in the same step
             bad = [(a, part) for a in sorted(gone) for part in sorted(each.has(a) & ACCOUNTS)]
             for agent, part in bad:

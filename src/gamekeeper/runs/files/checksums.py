@@ -30,7 +30,7 @@ from gamekeeper.runs.files.manifest import (
 )
 from gamekeeper.runs.files.notes import NOTES, chain
 from gamekeeper.runs.files.schema import STREAMS
-from gamekeeper.runs.files.segments import SEGMENT
+from gamekeeper.runs.files.segments import JOURNAL, SEGMENT
 
 # -- The checksums: digests of a run's bytes, and what differs from them
 #
@@ -92,7 +92,7 @@ def commit(
             sync_folder(inner)
     replace(folder / MANIFEST, data, durable=durable)
     for path in list(folder.iterdir()):
-        if SEGMENT.fullmatch(path.name.removesuffix(".tmp")):
+        if path.name == JOURNAL or SEGMENT.fullmatch(path.name.removesuffix(".tmp")):
             path.unlink(missing_ok=True)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import chain, count, islice
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -20,9 +21,18 @@ from gamekeeper.episodes.tables import merge
 from gamekeeper.errors import RunError
 from gamekeeper.runs.files.checksums import commit
 from gamekeeper.runs.files.folder import inside, lock_folder, reading, system_error
+from gamekeeper.runs.files.journal import read_journal
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, load_manifest
 from gamekeeper.runs.files.parquet_tables import TableReader, write_table
-from gamekeeper.runs.files.schema import STREAMS, Keys, key_arrays, plain_batch, plain_schema, unify
+from gamekeeper.runs.files.schema import (
+    STREAMS,
+    Keys,
+    check_schema,
+    key_arrays,
+    plain_batch,
+    plain_schema,
+    unify,
+)
 from gamekeeper.runs.files.segments import SEGMENT, Cut, SegmentReader, segment_name
 from gamekeeper.runs.untrusted.limits import check_memory, row_bytes
 
@@ -130,6 +140,9 @@ def whole_turns(
 # -- The files of an open run's streams, and which of their rows belong to whole turns
 
 
+NO_JOURNAL: Final[Mapping[str, Sequence[pa.RecordBatch]]] = MappingProxyType({})
+
+
 class StreamFiles:
     """The files of one stream in an open run: its Parquet file if it has one, else segments.
 
@@ -137,10 +150,22 @@ class StreamFiles:
     """
 
     def __init__(
-        self, folder: Path, stream: str, *, salvage: bool, segments: object = None
+        self,
+        folder: Path,
+        stream: str,
+        *,
+        salvage: bool,
+        segments: object = None,
+        journal: Mapping[str, Sequence[pa.RecordBatch]] = NO_JOURNAL,
     ) -> None:
-        """Looks at nothing yet; `segments`: the entry of that name in the run's manifest."""
+        """Looks at nothing yet.
+
+        Args:
+            segments: the entry of that name in the run's manifest.
+            journal: by stream, rows that go on where the segments end.
+        """
         self.folder, self.stream, self.salvage = folder, stream, salvage
+        self._journal = journal.get(stream, ())
         self._first, self._step = numbered(segments, stream)
         self.schema: pa.Schema | None = None
         self.cuts: list[Cut] = []
@@ -154,11 +179,13 @@ class StreamFiles:
             self._widen(whole.schema)
             yield from whole.batches()
             return  # written from the segments that may still lie beside it
-        paths = self._segments()
+        paths, last = self._segments(), -1
+        is_whole = not self.cuts
         for i, path in enumerate(paths):
             reader = SegmentReader(path, self.stream, salvage=self.salvage)
             for batch in reader:
                 self._widen(batch.schema)
+                last = self._last(batch)
                 yield batch
             if reader.schema is not None:
                 self._widen(reader.schema)
@@ -169,10 +196,33 @@ class StreamFiles:
                 why = f"not ended regularly, so {rest} later segments of {self.stream} don't count"
                 self.cuts.append(Cut(path.name, path.stat().st_size, why))
                 return
+        if is_whole:
+            yield from self._journaled(last)
+
+    def _journaled(self, last: int) -> Iterator[pa.RecordBatch]:
+        """The rows of the journal behind a turn; of `episodes` all, as they are merged anyway."""
+        for batch in self._journal:
+            where = str(self.folder / self.stream)
+            plain = plain_batch(batch, plain_schema(batch.schema))
+            check_schema(plain.schema, self.stream, where=where)
+            if self.stream != "episodes":
+                plain = plain.filter(pa.array(self._keys(plain) > last))
+            if plain.num_rows:
+                self._widen(plain.schema)
+                yield plain
+
+    def _last(self, batch: pa.RecordBatch) -> int:
+        """Key of a batch's last row: its episode and turn."""
+        return int(self._keys(batch.slice(batch.num_rows - 1))[0]) if batch.num_rows else -1
+
+    def _keys(self, batch: pa.RecordBatch) -> Keys:
+        episode, turn = key_arrays(batch, self.stream, where=str(self.folder / self.stream))
+        return episode << 32 | turn
 
     def exists(self) -> bool:
         """True where the stream has a file, even one that was cut before its first batch."""
-        return inside(self.folder, f"{self.stream}.parquet").exists() or bool(self._found())
+        is_table = inside(self.folder, f"{self.stream}.parquet").exists()
+        return is_table or bool(self._found()) or bool(self._journal)
 
     def _found(self) -> dict[int, Path]:
         """The segments by their numbers."""
@@ -300,20 +350,17 @@ def _keys(stream: str, batches: Iterable[pa.RecordBatch]) -> tuple[Keys, Keys, K
 
 
 def open_tables(
-    folder: Path, *, salvage: bool, segments: object = None
+    folder: Path, manifest: Mapping[str, Any], *, salvage: bool
 ) -> tuple[dict[str, pa.Table], tuple[Cut, ...]]:
     """The whole turns of an open run by stream, and the places where files ended early.
 
     Args:
+        manifest: of the run.
         salvage: damage ends a stream as a cut does, in place of raising.
-        segments: the entry of that name in the run's manifest.
     Raises:
         RunError: a file is damaged or missing.
     """
-    with reading(folder):
-        streams = {
-            name: StreamFiles(folder, name, salvage=salvage, segments=segments) for name in STREAMS
-        }
+    streams, cuts = _streams(folder, manifest, salvage=salvage)
     found = {name: stream.table() for name, stream in streams.items()}
     tables = {name: table for name, table in found.items() if table is not None}
     exists = [name for name, stream in streams.items() if stream.exists()]
@@ -323,7 +370,26 @@ def open_tables(
         tables[name] = (
             merge_whole(table, whole) if is_merged else table.filter(keep(whole, name, table))
         )
-    return tables, tuple(cut for stream in streams.values() for cut in stream.cuts)
+    return tables, (*(cut for stream in streams.values() for cut in stream.cuts), *cuts)
+
+
+def _streams(
+    folder: Path, manifest: Mapping[str, Any], *, salvage: bool
+) -> tuple[dict[str, StreamFiles], list[Cut]]:
+    """The streams of an open run, and where its journal ended early.
+
+    The journal is read first: what is taken out of it meanwhile is in the segments then.
+    """
+    level, segments = str(manifest.get("level", "full")), manifest.get("segments")
+    journal = read_journal(folder, level, salvage=salvage)
+    with reading(folder):
+        streams = {
+            name: StreamFiles(
+                folder, name, salvage=salvage, segments=segments, journal=journal.batches
+            )
+            for name in STREAMS
+        }
+    return streams, [journal.cut] if journal.cut else []
 
 
 # -- Finalizes the whole turns of a run that its recorder left open
@@ -334,7 +400,7 @@ def finalize_recovered(
 ) -> None:
     """Finalizes the whole turns of a killed run; memory stays bounded by a row group.
 
-    They are those of `open_tables(path, salvage=True)`.
+    They are those of `open_tables` with salvage.
 
     Args:
         manifest: plain JSON; its `status` is "recovered" if it names none. Where files ended early,
@@ -364,13 +430,12 @@ def _finalize(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None)
             where=str(folder),
             fix="read it as it is; `gamekeeper verify` says whether it is undamaged",
         )
-    segments = before.get("segments")
-    streams = {name: StreamFiles(folder, name, salvage=True, segments=segments) for name in STREAMS}
+    streams, torn = _streams(folder, before, salvage=True)
     # A first pass reads only keys; a stream without a file has no batches and no schema after it.
     whole = whole_of(
         {name: stream.batches() for name, stream in streams.items() if stream.exists()}
     )
-    cuts = tuple(cut for stream in streams.values() for cut in stream.cuts)
+    cuts = (*(cut for stream in streams.values() for cut in stream.cuts), *torn)
     files = {}
     try:
         for name, stream in streams.items():

@@ -40,6 +40,7 @@ from gamekeeper.runs.untrusted.limits import check_growth
 END: Final = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 CRC: Final = b"gamekeeper.crc32="
 NO_CRC: Final = b"00000000"
+JOURNAL: Final = "journal.msgpack"  # goes on where the segments end
 SEGMENT: Final = re.compile(r"(episodes|agent_steps|states|timings)-(\d{4,9})\.arrows")
 
 

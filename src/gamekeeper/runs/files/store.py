@@ -16,6 +16,7 @@ from gamekeeper.episodes.tables import merge
 from gamekeeper.errors import GamekeeperError, RunError
 from gamekeeper.runs.files.checksums import FRAMES, commit
 from gamekeeper.runs.files.folder import MANIFEST, claim, inside, replace, system_error, write_new
+from gamekeeper.runs.files.journal import JournalWriter
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, STATUSES, render
 from gamekeeper.runs.files.open_streams import StreamFiles
 from gamekeeper.runs.files.parquet_tables import GROUP_BYTES, GROUP_ROWS, TableWriter, write_table
@@ -216,6 +217,7 @@ class RunStore:
         self._last: dict[str, tuple[int, int]] = {}  # episode and turn
         self._rows: pa.Table | None = None  # of episodes, once nothing more is appended
         self._roller = Roller(folder, ROLLED)
+        self.journal = JournalWriter(folder)
         self._is_open = True
 
     @classmethod
@@ -424,6 +426,7 @@ class RunStore:
             )
 
     def _close(self) -> None:
+        self.journal.close()
         for writer in self._writers.values():
             writer.close()
         self._writers.clear()
