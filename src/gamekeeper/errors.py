@@ -17,8 +17,8 @@ GamekeeperError
 
 from __future__ import annotations
 
+import collections.abc
 import typing
-from collections.abc import Iterable
 
 
 class GamekeeperError(Exception):
@@ -104,7 +104,7 @@ class DependencyError(GamekeeperError, ImportError):
 
 def check_choice(
     value: object,
-    known: Iterable[str],
+    known: collections.abc.Iterable[str],
     what: str,
     *,
     where: str,
