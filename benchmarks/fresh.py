@@ -18,46 +18,14 @@ for 10 episodes and diagnosed without a contract, a reference or a knob. Prints 
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from diagnosed_table import CAUSES, answer_of, options_of, shares, table
 from fresh_causes import FAILED, FreshCause, causes, holds
-from undo import CAUSES, read, shares
-
-import gamekeeper as gk
-
-
-def diagnosed(cause: FreshCause, *, episodes: int, seed: int) -> dict[str, Any]:
-    """What the diagnosis says of a set-up."""
-    evidence = gk.rollout(
-        cause.env, policies=cause.policies, episodes=10, seed=seed + 1, env_kwargs=cause.kwargs
-    )
-    began = time.process_time()
-    found = gk.diagnose(
-        evidence,
-        env=cause.env,
-        policies=cause.policies,
-        failed=FAILED,
-        perturbations=False,
-        episodes=episodes,
-        seed=seed,
-    )
-    assert found.team is not None
-    named = [n for n, e in found.agents.items() if e.answer in CAUSES and e.component]
-    return {
-        "answer": found.team.answer,
-        "said": list(found.team.labels),
-        "whom": sorted(named) if found.team.answer not in ("environment", "protocol") else [],
-        "component": found.team.component or "",
-        "why": found.team.why,
-        "cpu_s": round(time.process_time() - began, 1),
-    }
 
 
 def is_right(row: dict[str, Any]) -> bool:
@@ -90,31 +58,24 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     """Plays what is wanted and says how often it was right."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--episodes", type=int, default=1_000)
-    parser.add_argument("--seed", type=int, default=0)
+    parser = options_of(str(__doc__), "fresh.jsonl")
     parser.add_argument("--part", default="0/1")
     parser.add_argument("--only", default="", help="set-ups with this in their name")
-    parser.add_argument("--keep", type=Path, default=Path("fresh.jsonl"))
-    parser.add_argument("--also", type=Path, nargs="*", default=[], help="other parts' files")
     options = parser.parse_args()
     place, parts = map(int, options.part.split("/"))
-    known = {row["name"] for row in read(options.keep)}
-    cases = [each for each in causes() if options.only in each.name]
-    for cause in cases[place::parts]:
-        if cause.name in known:
-            continue
-        row = {key: getattr(cause, key) for key in ("name", "kind", "agents", "labels")}
-        row = json.loads(json.dumps(row))
-        if holds(cause):
-            row |= diagnosed(cause, episodes=options.episodes, seed=options.seed)
-            print(json.dumps(row), flush=True)
-        with options.keep.open("a") as file:
-            file.write(json.dumps(row) + "\n")
-    rows = [row for path in (options.keep, *options.also) for row in read(path)]
-    held = [row for row in rows if "answer" in row]
-    said = {"set-ups": len(rows), "held": len(held), **summary(held)}
-    print(json.dumps({"measure": "fresh", "episodes": options.episodes, **said}))
+
+    def answer(case: FreshCause) -> dict[str, Any]:
+        return answer_of(case.env, case.policies, options, failed=FAILED, kwargs=case.kwargs)
+
+    table(
+        "fresh",
+        [each for each in causes() if options.only in each.name][place::parts],
+        options,
+        holds=holds,
+        fields=("kind", "agents", "labels"),
+        answer=answer,
+        summary=summary,
+    )
 
 
 if __name__ == "__main__":

@@ -19,46 +19,16 @@ second call goes on), then the shares with Wilson intervals:
 
 from __future__ import annotations
 
-import argparse
-import json
 import random
 import sys
-import time
 import warnings
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from message_causes import FAILED, MessageCause, causes, holds
-from undo import CAUSES, ORDER, read, shares
-
-import gamekeeper as gk
-
-
-def diagnosed(cause: MessageCause, *, episodes: int, seed: int) -> dict[str, Any]:
-    """What the diagnosis says of a set-up."""
-    evidence = gk.rollout(cause.env, policies=cause.policies, episodes=10, seed=seed + 1)
-    began = time.process_time()
-    found = gk.diagnose(
-        evidence,
-        env=cause.env,
-        policies=cause.policies,
-        failed=FAILED,
-        perturbations=False,
-        episodes=episodes,
-        seed=seed,
-    )
-    assert found.team is not None
-    named = {n: e.component for n, e in found.agents.items() if e.answer in CAUSES and e.component}
-    return {
-        "answer": found.team.answer,
-        "said": list(found.team.labels),
-        "whom": sorted(named) if found.team.answer not in ("environment", "protocol") else [],
-        "component": found.team.component or "",
-        "why": found.team.why,
-        "cpu_s": round(time.process_time() - began, 1),
-    }
+from diagnosed_table import CAUSES, ORDER, answer_of, options_of, shares, table
+from message_causes import FAILED, causes, holds
 
 
 def is_right(row: dict[str, Any]) -> bool:
@@ -97,32 +67,22 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     """Plays what is wanted and says how often it was right."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--episodes", type=int, default=1_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--seconds", type=float, default=1e9, help="after which no other begins")
-    parser.add_argument("--keep", type=Path, default=Path("messages.jsonl"))
+    parser = options_of(str(__doc__), "messages.jsonl")
     kinds = ["said", "heard", "air", "other", "healthy"]
     parser.add_argument("--kinds", nargs="+", default=kinds, choices=kinds)
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    began, known = time.perf_counter(), {row["name"] for row in read(options.keep)}
     cases = [each for each in causes() if each.kind in options.kinds]
     random.Random(ORDER).shuffle(cases)
-    for cause in cases:
-        if cause.name in known or time.perf_counter() - began > options.seconds:
-            continue
-        row = {key: getattr(cause, key) for key in ("name", "kind", "agents", "between", "labels")}
-        row = json.loads(json.dumps(row))
-        if holds(cause):
-            row |= diagnosed(cause, episodes=options.episodes, seed=options.seed)
-            print(json.dumps(row), flush=True)
-        with options.keep.open("a") as file:
-            file.write(json.dumps(row) + "\n")
-    rows = read(options.keep)
-    held = [row for row in rows if "answer" in row]
-    said = {"set-ups": len(rows), "of": len(cases), "held": len(held), **summary(held)}
-    print(json.dumps({"measure": "messages", "episodes": options.episodes, **said}))
+    table(
+        "messages",
+        cases,
+        options,
+        holds=holds,
+        fields=("kind", "agents", "between", "labels"),
+        answer=lambda case: answer_of(case.env, case.policies, options, failed=FAILED),
+        summary=summary,
+    )
 
 
 if __name__ == "__main__":

@@ -16,6 +16,11 @@ with Wilson intervals, and seconds an episode on `warehouse`.
 
     python benchmarks/pivots.py [--planted 10] [--own 10] [--warehouse 2] [--budget 60000]
         [--keep pivots.jsonl] [--task NAME]
+
+With `--copies` it prints in place of all that the part of pivots' time that is spent on copies of
+policies, for PPO models of Stable-Baselines3 with two sizes of networks, on `ferry`:
+
+    .venv-sb3/bin/python benchmarks/pivots.py --copies
 """
 
 from __future__ import annotations
@@ -30,6 +35,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium import Env
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -38,6 +44,7 @@ from pivot_tasks import TASKS, WAREHOUSE, Actions, Plain, Task
 import gamekeeper as gk
 from gamekeeper.contract.failure import Failure
 from gamekeeper.episodes.outcome import TEAM, failed, outcome_of
+from gamekeeper.interface.joint_policy import JointPolicy
 from gamekeeper.statistics.significance import wilson
 
 SEED = 20_250
@@ -271,9 +278,51 @@ def warehouse_seconds(wanted: int, budget: int) -> None:
         print(json.dumps({"kind": "warehouse", **row}), flush=True)
 
 
+LAYERS = ([64, 64], [1024, 1024, 1024])
+
+
+class Idle(Env[Any, Any]):
+    """An environment with a task's spaces, for a model that doesn't learn."""
+
+    def __init__(self, env: Any) -> None:
+        agent = env.possible_agents[0]
+        self.observation_space = env.observation_space(agent)
+        self.action_space = env.action_space(agent)
+
+
+def copying_seconds(task: Task) -> None:
+    """Prints seconds of pivots, and those of them that copies of policies take, by network."""
+    import torch
+    from stable_baselines3 import PPO
+
+    from gamekeeper.adapters import sb3
+
+    torch.set_num_threads(1)
+    copied, spent = JointPolicy.__deepcopy__, list[float]()
+
+    def timed(self: JointPolicy, memo: Any) -> JointPolicy:
+        began = time.process_time()
+        found = copied(self, memo)
+        spent.append(time.process_time() - began)
+        return found
+
+    JointPolicy.__deepcopy__ = timed  # type: ignore[method-assign]
+    for layers in LAYERS:
+        idle = Idle(gk.make(task.spec, **task.kwargs))
+        model = PPO("MlpPolicy", idle, policy_kwargs={"net_arch": layers}, device="cpu", seed=0)
+        policy = sb3.policy(model, deterministic=False)
+        evidence, episodes = failing(task, policy, SEED, 5)
+        spent.clear()
+        row = judged(task, evidence, episodes[0], _truth(-9, [], 0, policy=policy), 2_000)
+        row = {key: row[key] for key in ("steps", "cpu_seconds")}
+        copies = {"copies": len(spent), "copying_seconds": round(sum(spent), 2)}
+        print(json.dumps({"measure": "copies of policies", "layers": layers, **row, **copies}))
+
+
 def main() -> None:
     """Plays what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--copies", action="store_true", help="what copies of policies cost")
     parser.add_argument("--planted", type=int, default=10, help="episodes of each task")
     parser.add_argument("--own", type=int, default=10, help="episodes of each task")
     parser.add_argument("--warehouse", type=int, default=2)
@@ -281,6 +330,9 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, default=Path("pivots.jsonl"))
     parser.add_argument("--task", choices=TASKS)
     options = parser.parse_args()
+    if options.copies:
+        copying_seconds(TASKS["ferry"])
+        return
     rows = []
     if options.keep.exists():
         rows = [json.loads(line) for line in options.keep.read_text().splitlines()]

@@ -2,10 +2,10 @@
 
 For every list in requirements/trainers: a fresh virtual environment, its packages (locked ones
 where there is a lock), seconds and MB of both, the trainer's version; then `examples/NAME_*.py`
-with each seed, one by one.
+with each seed, one by one, and in Tianshou's environment the examples that need torch alone.
 What is kept and lost stands in the docstrings of the adapter, and is taken from there.
 
-    python benchmarks/trainers.py --only sb3 [--seeds 3] [--quick] [--keep FOLDER]
+    python benchmarks/trainers.py --only sb3 [--examples sb3_own] [--seeds 0 1 2] [--quick]
 
 One JSON line a run and one a trainer, {"figure", "trainer", "version", "mb", "seconds", "examples",
 "kept", "changed", "lost", "refused"}; after the last the rows of docs/trainers.md. Several
@@ -30,6 +30,7 @@ LISTS: Final = ROOT / "requirements" / "trainers"
 ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
 DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
 """What a trainer is called on the index, where its list is called otherwise."""
+TORCH_ALONE: Final = ("mappo_warehouse", "ppo_parallel", "selfplay_connect_four")
 FIELDS: Final = ("kept", "changed", "lost", "refused")
 
 
@@ -73,10 +74,21 @@ def installed(name: str, folder: Path) -> dict[str, Any]:
     return {"version": told.stdout.strip(), "mb": round(size / 1e6), "seconds": round(seconds)}
 
 
-def examples(name: str, python: Path, seeds: int, *, quick: bool) -> Iterator[dict[str, Any]]:
-    """What each of its examples prints last, seed by seed; `error` where it prints nothing."""
-    for script in sorted((ROOT / "examples").glob(f"{name}_*.py")):
-        for seed in range(seeds):
+def scripts(name: str, only: list[str] | None) -> list[Path]:
+    """Examples that are run in a trainer's environment; `only`: of these names."""
+    folder = ROOT / "examples"
+    found = sorted(folder.glob(f"{name}_*.py"))
+    if name == "tianshou":
+        found += [folder / f"{example}.py" for example in TORCH_ALONE]
+    return [path for path in found if only is None or path.stem in only]
+
+
+def examples(
+    found: list[Path], python: Path, seeds: list[int], *, quick: bool
+) -> Iterator[dict[str, Any]]:
+    """What each of these examples prints last, seed by seed; `error` where it prints nothing."""
+    for script in found:
+        for seed in seeds:
             command = [str(python), str(script), "--seed", str(seed)] + ["--quick"] * quick
             done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3_600)
             lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
@@ -84,6 +96,15 @@ def examples(name: str, python: Path, seeds: int, *, quick: bool) -> Iterator[di
                 yield json.loads(lines[-1])
             else:
                 yield {"example": script.stem, "seed": seed, "error": done.stderr[-500:]}
+
+
+def reached(one: dict[str, Any]) -> str:
+    """What one run of an example reached."""
+    told = f"seed {one['seed']}"
+    if one.get("interval"):
+        told = f"{one['interval'][0]:g} to {one['interval'][1]:g}, {told}"
+    replayed = {None: "", True: ", replayed", False: ", not replayed"}[one.get("replayed")]
+    return f"{one['result']:g} ({told}{replayed})"
 
 
 def row(found: dict[str, Any]) -> str:
@@ -97,8 +118,7 @@ def row(found: dict[str, Any]) -> str:
         if not good:
             results.append(f"`{name}`: didn't run")
             continue
-        values = ", ".join(f"{one['result']:g} (seed {one['seed']})" for one in good)
-        about = good[0]
+        values, about = ", ".join(map(reached, good)), good[0]
         results.append(f"`{name}`, {about['measure']}: {values}; wanted {about['wanted']}")
     cells = [
         f"{found['trainer']} {found['version']}",
@@ -113,22 +133,23 @@ def main() -> None:
     """Measures the trainers that are asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=names(), default=names())
-    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--examples", nargs="+", help="of these names alone; default all")
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
     parser.add_argument("--quick", action="store_true", help="examples take a few steps")
     parser.add_argument("--keep", type=Path, help="where the environments stay")
     given = parser.parse_args()
     rows = []
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = given.keep or Path(scratch)
-        for name in given.only:
+    for name in given.only:
+        with tempfile.TemporaryDirectory() as scratch:  # gigabytes, so one at a time
+            folder = given.keep or Path(scratch)
             found = {"figure": FIGURE, "trainer": name, **installed(name, folder), "examples": []}
-            python = folder / name / "bin" / "python"
-            for one in examples(name, python, given.seeds, quick=given.quick):
+            python, runs = folder / name / "bin" / "python", scripts(name, given.examples)
+            for one in examples(runs, python, given.seeds, quick=given.quick):
                 print(json.dumps({"figure": FIGURE, **one}), flush=True)
                 found["examples"].append(one)
-            found |= tables(name)
-            print(json.dumps(found), flush=True)
-            rows.append(row(found))
+        found |= tables(name)
+        print(json.dumps(found), flush=True)
+        rows.append(row(found))
     print("\n| trainer | installed | kept | lost | its example |\n|---|---|---|---|---|")
     print("\n".join(rows))
 

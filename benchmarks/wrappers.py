@@ -270,6 +270,7 @@ def batches() -> None:
         "flatten_observations": batched.flatten_observations,
         "normalize": lambda env: batched.normalize(env, statistics),
         "clip_rewards": batched.clip_rewards,
+        "as_gymnasium": lambda env: env.as_gymnasium(),
     }
     for envs, (what, wrap) in product((64, 1024), wraps.items()):
         actions = np.ones((envs, 3), np.int64)
@@ -277,7 +278,8 @@ def batches() -> None:
         for around in (lambda env: env, wrap):
             env = around(gk.vector.make("spread", envs, engine="kernel", copy=False))
             env.reset()
-            steps.append(lambda env=env, actions=actions: env.step(actions))
+            shaped = actions.reshape(env.action_space.shape)
+            steps.append(lambda env=env, shaped=shaped: env.step(shaped))
         pairs = [(timed(steps[0]), timed(steps[1])) for _ in range(ROUNDS)]
         line = {
             "wrapper": what,

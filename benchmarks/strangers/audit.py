@@ -56,6 +56,9 @@ FAULTY: Final[Mapping[str, Sequence[Collection[str]]]] = {
     "later_aec_envs:Ledger": [{"GK405"}],  # rewards are never cleared
     "later_aec_envs:Icewalk": [{"GK601"}],  # one step in ten slips, by a generator without a seed
     "later_aec_envs:Choir": [{"GK212"}],  # float64 from the fifteenth turn on
+    "late_envs:Orchard": [{"GK411"}],  # full baskets are paid a tick late, to all
+    "late_envs:Tollway": [{"GK411"}],  # the toll is charged a turn late
+    "late_envs:Convoy": [{"GK411"}],  # gaps are those of before the moves, beside a cost on time
 }
 SOUND: Final = (
     "parallel_envs:Station",
@@ -69,6 +72,8 @@ SOUND: Final = (
     "later_parallel_envs:Shuffle",
     "later_aec_envs:Dice",
     "later_aec_envs:Parley",
+    "late_envs:Invoices",
+    "late_envs:Bakery",
 )
 
 

@@ -110,6 +110,12 @@ def of_repository(repository: str, module: str, factory: str, **kwargs: Any) -> 
     return older(module, factory, **kwargs)
 
 
+def inside_repository(repository: str, module: str, factory: str, **kwargs: Any) -> Any:
+    """The same for one that reads files from the directory that it is run in."""
+    os.chdir(Path(os.environ["ZOO_REPOSITORIES"], repository))
+    return of_repository(repository, module, factory, **kwargs)
+
+
 def multigrid(name: str, **kwargs: Any) -> Any:
     """A multigrid environment through its Parallel interface."""
     import gymnasium

@@ -219,8 +219,9 @@ class _Ledger:
         return [agent for i, agent in enumerate(self.possible_agents) if i not in late]
 
     def start(self, rng: Any, options: dict[str, Any]) -> None:
-        """Begins at time 0, with a seed that is seen."""
-        self.first, self.time, self.did = rng.seed % SIZES[0], 0, [0, 0, 0]
+        """Begins at time 0, with a seed that is seen; a reset without one goes on to the next."""
+        self.first = (rng.seed + rng.episode) % SIZES[0]
+        self.time, self.did = 0, [0, 0, 0]
 
     def _code(self, agent: str) -> Code:
         place = self.possible_agents.index(agent)

@@ -376,10 +376,11 @@ def test_ppo_trains_and_its_checkpoint_plays(cluster: None, tmp_path: Path) -> N
     assert again[0].fingerprint == again[1].fingerprint
 
 
-def test_example_runs() -> None:
-    """A few steps of it; its page tells what it reaches."""
+@pytest.mark.parametrize("example", ["rllib_tictactoe", "rllib_own"])
+def test_examples_run(example: str) -> None:
+    """A few steps of them; their page tells what they reach."""
     ran = subprocess.run(
-        [sys.executable, "examples/rllib_tictactoe.py", "--quick"],
+        [sys.executable, f"examples/{example}.py", "--quick"],
         check=True,
         capture_output=True,
         text=True,

@@ -250,7 +250,9 @@ def test_decisions_are_shared_out_evenly() -> None:
 
 
 def test_drawn_actions_leave_torchs_generator_alone() -> None:
-    """Whoever learns meanwhile draws the same; the same stream gives the same actions."""
+    """Whoever learns meanwhile draws the same; a stream gives its actions, to a copy too."""
+    import copy
+
     import torch
     from stable_baselines3 import PPO
 
@@ -262,9 +264,14 @@ def test_drawn_actions_leave_torchs_generator_alone() -> None:
     torch.manual_seed(3)
     before = torch.get_rng_state()
     seen = venv.reset()[0]
+    copied = copy.deepcopy(plays)
+    assert copied.model.policy is plays.model.policy
+    assert copied.model.action_space is not plays.model.action_space
     drawn = [
-        [plays(seen, "agent_0", {}, rng) for _ in range(20)]
-        for rng in (np.random.default_rng(1), np.random.default_rng(1), np.random.default_rng(2))
+        [each(seen, "agent_0", {}, rng) for _ in range(20)]
+        for each, rng in zip(
+            (plays, copied, plays), map(np.random.default_rng, (1, 1, 2)), strict=True
+        )
     ]
     assert torch.equal(before, torch.get_rng_state())
     assert drawn[0] == drawn[1] != drawn[2]

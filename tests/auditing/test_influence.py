@@ -4,9 +4,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 
 from gamekeeper.auditing.audit import audit_here
+from gamekeeper.checks.facts.play_facts import PaymentTime
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence, ProbeRun
+from gamekeeper.checks.rewards.reward_delay import rewards_come_with_the_tick_that_earns_them
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.where import Where
 from tests.auditing.small_games import Grab
 from tests.faults.payers import Pursuit
 from tests.faults.ticks import HANDS_CONTRACT, Hands
@@ -193,3 +198,51 @@ def test_hidden_priority_shows_among_symmetric_agents() -> None:
         for rule in ("first", "draw")
     }
     assert found == {"first": "failed", "draw": "passed"}
+
+
+class LateCoin(Grab):
+    """Asking costs at once; the coin is seen at once, and paid one step late."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Owes nothing."""
+        self.due: dict[Any, float] = {}
+        return super().reset(seed, options)
+
+    def step(self, actions: Any) -> Any:
+        """Pays the coin of the step before."""
+        due, out = self.due, super().step(actions)
+        self.due = out[1]
+        return out[0], {a: due.get(a, 0.0) - 0.1 * actions[a] for a in out[1]}, *out[2:]
+
+
+def test_a_rare_reward_one_tick_late_is_broken() -> None:
+    """A coin that two agents decide, beside a cost on time that their actions move too."""
+    found = verdict(partial(LateCoin, "none", (0, 1), 12), "GK411", budget=600)
+    assert found.outcome == "failed"
+    assert "more than usual" in found.findings[0].actual
+
+
+@pytest.mark.parametrize(
+    ("shown", "after", "is_on_time", "cases"),
+    [
+        ({0}, {0}, False, [False] * 4),
+        ({0, 1}, {0}, False, []),  # announced, and back once it was paid
+        ({0}, {0, 1}, False, []),  # what pays happens a tick later too
+        (set(), {0}, False, []),  # nothing shows that anything was done
+        ({0}, {0}, True, [True]),  # one of that size can be changed in its own tick
+    ],
+)
+def test_late_payments_are_judged_by_what_observations_tell(
+    shown: set[int], after: set[int], is_on_time: bool, cases: list[bool]
+) -> None:
+    """A delay that is the game's rule isn't called broken."""
+    late = PaymentTime(
+        "a", 2.0, ((1, "a", 0),), False, (0, "a", 1), *map(frozenset, (shown, after))
+    )
+    seen = [late] * 4 + [PaymentTime("a", 2.1, ((1, "a", 0),), is_on_time=True)] * is_on_time
+    facts = tuple(
+        Fact(Where("payment_times", k, 1, "a", "rewards"), each) for k, each in enumerate(seen)
+    )
+    evidence = ProbeEvidence("parallel", looks={"payment_times": (ProbeRun(facts=facts),)})
+    found = rewards_come_with_the_tick_that_earns_them.run(Contract(), evidence)
+    assert [case.ok for case in found] == cases

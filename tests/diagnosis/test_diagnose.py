@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -245,9 +246,13 @@ def test_objects_of_this_process_play_here_alone() -> None:
 
 def test_a_run_without_a_condition_asks_for_one() -> None:
     """What failed means is data."""
-    evidence = gk.rollout("tictactoe", episodes=2)
-    with pytest.raises(ContractError, match="nothing says when an episode failed"):
+    evidence = gk.rollout("tictactoe", episodes=4)
+    with pytest.raises(ContractError, match="nothing says when an episode failed") as caught:
         plainly(evidence, contract=gk.Contract())
+    proposed = re.search("failed='(length < .+?)'", str(caught.value))  # all team returns are 0
+    assert proposed is not None
+    failing = gk.diagnose(evidence, contract=gk.Contract(), failed=proposed[1], episodes=100)
+    assert 0 < failing.recorded["team"][0] < 4
 
 
 def test_shrunk_play_fails_in_the_same_way_and_replays(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,17 @@ class Alternating:
         self.count += 1
         return self.count % 2
 '''
+BROKEN = """
+class Broken:
+    def reset(self, seed):
+        self.count = 0
+
+    def __call__(self, observation, agent, info, rng):
+        self.count += 1
+        return self.count // (self.count < 3)
+
+broken = Broken()
+"""
 FAILED = "return < 1"
 
 
@@ -203,3 +215,27 @@ def test_shares_that_chance_explains_are_no_contradiction() -> None:
     assert contradictions({"team": (3, 20), "gone": (9, 9)}, {"team": (0, 0)}) == {}
     found = contradictions({"team": (0, 20)}, {"team": (60, 64)})
     assert found["team"].p < 1e-12
+
+
+def test_a_policy_that_raises_is_said_first_and_its_cut_is_no_limit(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run was cut since it raised, so that new episodes go on until it raises again."""
+    (folder / "broken.py").write_text(BROKEN)
+    with pytest.raises(gk.PolicyError):
+        gk.rollout("two_robot_line", policies={"carrier": "broken.py:broken"}, out="run")
+    assert setup_of(gk.load("run")).most_turns > 1_000
+    line = ["diagnose", "run", "--failed", "return < -1e9", "--workers", "0", "--allow-import"]
+    code, out = run_line(line), capsys.readouterr().out
+    assert code == 1
+    assert out.startswith("Raised  carrier's policy broke off at turn 2 in 64 of 64 new episodes")
+    assert "Healthy" not in out
+
+
+def test_a_limit_of_turns_is_kept() -> None:
+    """The manifest says it; a run without one had a limit where several were cut alike."""
+    limited = gk.rollout("handover", episodes=2, most_turns=3)
+    assert setup_of(limited).most_turns == 3
+    untold = {key: x for key, x in limited.manifest.items() if key != "most_turns"}
+    assert setup_of(replace(limited, manifest=untold)).most_turns == 3
+    assert setup_of(gk.rollout("handover", episodes=1)).most_turns > 1_000

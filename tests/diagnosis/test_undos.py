@@ -21,6 +21,7 @@ from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.errors import EvidenceError
+from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
 from gamekeeper.rollouts.interventions.fields import acted_fields, observed_fields
 
 SIDE = 5
@@ -278,13 +279,16 @@ def diagnosed(fault: str, **more: Any) -> gk.Diagnosis:
 
 
 def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() -> None:
-    """The agent and the boundary are named; the other agent is told whose it is."""
-    found = diagnosed("mirrored")
+    """The agent and the boundary are named, and beside it the policy that restores as well."""
+    found = diagnosed("mirrored", replace={"left_0": Walker()})
     left = found.agents["left_0"]
     assert found.agents["right_0"].answer == "elsewhere"
     assert (left.answer, left.labels) == ("isolated", ("perception",))
     assert "undone by mirroring field 0 of left_0's observation" in left.why
-    assert {each.kind for each in left.tested} == {"undo"}
+    assert left.beside == ("giving left_0 the policy Walker",)
+    assert left.why.endswith("; so does giving left_0 the policy Walker")
+    screen = diagnosis_screen(found.to_json(), width=100)
+    assert "So does    giving left_0 the policy Walker" in screen
     assert found.responses["left_0"].lag == 0
     assert found.episodes <= 500
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from gamekeeper.contract import Contract
+from gamekeeper.episodes import outcome
 from gamekeeper.episodes.outcome import Outcome, failed, failures, figures
 from gamekeeper.errors import ContractError
 
@@ -74,6 +77,13 @@ def test_failures_ask_for_a_condition() -> None:
     with pytest.raises(ContractError, match="nothing says when an episode failed"):
         failures(Contract())
     assert list(failures(Contract(), "return < 1")) == ["team"]
+
+
+def test_success_is_proposed_only_where_every_episode_has_it() -> None:
+    """The example of a condition can be judged on the run it is for."""
+    one = replace(OUTCOME, infos={"picker_0": {"success": 1.0}}, seen={"picker_0": 3})
+    assert outcome._example([one, one], CONTRACT) == "not success"
+    assert "success" not in outcome._example([one, OUTCOME], CONTRACT)
 
 
 def test_outcome_crosses_as_json() -> None:

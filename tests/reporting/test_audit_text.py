@@ -163,6 +163,9 @@ def test_errors_show_the_last_line_of_the_traceback() -> None:
 
 
 def test_brief_rows_count_what_they_leave_out() -> None:
-    """The worst ones by id, severity and claim; the rest as a number."""
+    """The worst ones by id, severity and claim; the rest by id alone."""
     rows = brief_rows(mixed(), most=1)
-    assert rows == [("GK402", "high", "Rule broken: The promise of GK402."), ("", "", "and 1 more")]
+    assert rows == [
+        ("GK402", "high", "Rule broken: The promise of GK402."),
+        ("", "", "and 1 more: GK821"),
+    ]

@@ -13,7 +13,7 @@ from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.interface import identity
 from gamekeeper.runs.run_check import verify
 
@@ -134,3 +134,17 @@ def test_large_states_are_put_aside_and_come_back(tmp_path: Path) -> None:
         states = [turn.state for turn in trace.turns]
         assert [None if s is None else int(s.max()) for s in states] == [0, 1, 2, None, 4, 5, 6]
     assert verify(tmp_path / "run").ok
+
+
+def test_rollout_that_a_policy_ended_says_so_in_the_run(tmp_path: Path) -> None:
+    """The run is finalized; show, report and `print` say that episodes are missing, and why."""
+
+    def tired(observation: Any, agent: Any, info: Any, rng: Any) -> Any:
+        raise RuntimeError("my network is broken")
+
+    with pytest.raises(PolicyError, match="my network is broken"):
+        gk.rollout("two_robot_line", policies=tired, episodes=3, out=tmp_path / "run")
+    found = gk.load(tmp_path / "run")
+    assert found.manifest["status"] == "finalized"
+    assert "my network is broken (episode 0, turn 0); 1 of 3 episodes" in found.not_whole
+    assert gk.verify(tmp_path / "run").ok

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -290,6 +291,23 @@ def test_worker_that_dies_or_hangs_is_named(kind: str, how: str) -> None:
 
     assert how in str(caught.value)
     assert "envs 0 to 1" in caught.value.where
+
+
+def test_last_observations_behave_as_an_array_of_objects() -> None:
+    """Indices, masks, attributes, operators, NumPy's functions: as Gymnasium's array has them."""
+    with gk.vector.make("spread", 4, env_kwargs={"max_cycles": 2}) as venv:
+        venv.reset()
+        for _ in range(2):
+            *_, infos = venv.step(np.zeros(venv.action_space.shape, np.int64))
+        finals, is_final = infos["final_obs"], infos["_final_obs"]
+        assert (finals.shape, finals.dtype, finals.ndim, len(finals)) == ((4,), object, 1, 4)
+        plain = np.asarray(finals)
+        assert np.stack(finals[is_final]).shape == (4, 3, 18)
+        assert (infos["final_info"] != None).tolist() == [True] * 4  # noqa: E711
+        assert np.stack(list(finals)[1:3]).tolist() == np.stack(finals[1:3]).tolist()
+        finals[0] = None
+        assert finals[0] is finals.copy()[0] is None
+        assert pickle.loads(pickle.dumps(finals))[1].tolist() == plain[1].tolist()
 
 
 @pytest.mark.parametrize("engine", ["serial", "process"])

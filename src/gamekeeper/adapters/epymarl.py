@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.adapters.requirements import checked, learners_of, require_policies
 from gamekeeper.contract import Contract
-from gamekeeper.errors import ActionError, OrderError, SpecError
+from gamekeeper.errors import ActionError, OrderError, SpecError, check_choice
 from gamekeeper.interface.action_mask import legal_flags, reader
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices
@@ -443,18 +443,11 @@ def multi_agent_env(
         SpecError: see *refused*.
         ContractError: the audit found that the environment breaks its contract.
     """  # noqa: E501  # a row of a table is one line
-    for name, value, known in (
-        ("common_reward", common_reward, ("sum", "mean", None)),
-        ("state", state, ("state", "observations", None)),
-    ):
-        if value not in known:
-            raise SpecError(
-                f"there is no such {name}",
-                where=name,
-                actual=repr(value),
-                expected=" or ".join(str(one) for one in known),
-                fix=f"{name}={known[0]!r}",
-            )
+    if common_reward is not None:
+        what = "there is no such common_reward (None: each agent's own)"
+        check_choice(common_reward, ("sum", "mean"), what, where="common_reward")
+    if state is not None:
+        check_choice(state, ("state", "observations"), "there is no such state", where="state")
     checked(spec, check, env_kwargs=env_kwargs)
     opened = open_env(spec, **dict(env_kwargs or {}))
     try:

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from gamekeeper.adapters.requirements import require_policies
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy
 from gamekeeper.interface.opening import Opened, open_env
@@ -187,14 +187,7 @@ def joint(
     Raises:
         SpecError: see *refused*; or it has no `state_space`.
     """  # noqa: E501  # a row of a table is one line
-    if observe not in ("agents", "state"):
-        raise SpecError(
-            "there is no such view",
-            where="observe",
-            expected="'agents' or 'state'",
-            actual=repr(observe),
-            fix="observe='agents'",
-        )
+    check_choice(observe, ("agents", "state"), "there is no such view", where="observe")
     opened = open_env(spec, **dict(env_kwargs or {}))
     if opened.api != "parallel":
         opened.env.close()

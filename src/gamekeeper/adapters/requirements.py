@@ -18,7 +18,7 @@ from gamekeeper.auditing.audit_process import audit
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.layout import role as role_in_name
-from gamekeeper.errors import ContractError, SpecError
+from gamekeeper.errors import ContractError, PolicyError, SpecError
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy
 from gamekeeper.interface.opening import open_env
@@ -177,6 +177,17 @@ def policies_of_others(
         return [cast_of(others, env, contract) for _ in range(num_envs)]
     finally:
         env.close()
+
+
+def not_learnt(agent: Any, learners: Iterable[str]) -> PolicyError:
+    """Error of a policy that is asked to play an agent that didn't learn."""
+    return PolicyError(
+        f"{agent!r} isn't among the agents that learnt",
+        where="policy",
+        expected=", ".join(learners),
+        actual=str(agent),
+        fix="give it another policy",
+    )
 
 
 def weights_digest(named: Iterable[tuple[str, Any]]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -109,14 +110,18 @@ class SlotView:
         """
         raise NotImplementedError
 
-    def final(self, slot: int, infos: Any) -> Any:
-        """Returns the last observation of a slot that ended, zeros if its agent left without."""
-        env, learner = divmod(slot, len(self._learners))
-        places = self._places
-        place = places.start + learner if isinstance(places, slice) else int(places[learner])
-        if "_final_obs" in infos and infos["_final_obs"][env]:
-            return at(self._bare(self._of_group(infos["final_obs"][env])), place)
-        return at(zeros(self.observation_space, (1,)), 0)
+    def finals(self, slots: NDArray[np.intp], infos: Any) -> dict[int, Any]:
+        """Returns last observations of slots that ended, zeros if their agents left without."""
+        envs, learners = np.divmod(slots, len(self._learners))
+        rows = infos["final_obs"].rows[envs] if "final_obs" in infos else np.full(len(slots), -1)
+        if rows.max(initial=-1) < 0:
+            found = zeros(self.observation_space, (len(slots),))
+        else:
+            last = self._bare(self._of_group(infos["final_obs"].tree))
+            places = np.arange(len(self._learners.group.agents))[self._places]
+            found = at(last, (rows, places[learners]))
+            clear(found, rows < 0)
+        return {slot: changed(found, itemgetter(i)) for i, slot in enumerate(slots.tolist())}
 
     def _of_group(self, part: Any) -> Any:
         return part if self._is_one else part[self._name]

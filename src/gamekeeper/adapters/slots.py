@@ -152,8 +152,8 @@ class Slots:
         self._seen = view.look(self._seen, self._obs, infos, over)
         if not ended.any():
             return Step(self._seen, rewards, terminated, truncated, {}, {}, {})
-        slots = ended.nonzero()[0].tolist()
-        final = {slot: view.final(slot, infos) for slot in slots}
+        final = view.finals(ended.nonzero()[0], infos)
+        slots = list(final)
         lengths = dict(zip(slots, self._lengths[slots].tolist(), strict=True))
         returns = dict(zip(slots, self._returns[slots].tolist(), strict=True))
         for counts in (self._lengths, self._returns):

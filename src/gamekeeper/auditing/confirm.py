@@ -64,6 +64,7 @@ class Confirmation:
     beat: Callable[[], None]
     until_s: float | None
     _seen: dict[str, bool] = field(default_factory=dict)
+    _raised: dict[str, str] = field(default_factory=dict)
 
     @property
     def is_over(self) -> bool:
@@ -109,7 +110,14 @@ class Confirmation:
             self.beat()
             if limit_s < LIMIT_S and self.is_over:
                 raise TimeUpError
-            yield [each.result() for each in running]
+            ends = [each.result() for each in running]
+            self._raised[program] = ends[0][1]
+            yield [end for end, _ in ends]
+
+    def raised(self, findings: Iterable[Finding]) -> str:
+        """The one exception, of a line of the environment's, in all their programs; else empty."""
+        found = {self._raised.get(each.reproducer, "") for each in findings}
+        return found.pop() if len(found) == 1 else ""
 
     def finding(self, each: Programs) -> tuple[Finding, Reproduced, bool]:
         """The finding with the shorter of its programs that fails everywhere, and whether one does.
@@ -128,14 +136,18 @@ class Confirmation:
         return finding, Reproduced(failed, tried, unchanged), is_shown
 
 
-def _end_of(worker: WarmWorker, program: str, limit_s: float) -> ProgramEnd:
-    """End of a program in a process of its own; failed: by what its environment does."""
+def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, str]:
+    """End of a program in a process of its own; failed: by what its environment does.
+
+    With it the exception and its line, where no line of the program itself raised it.
+    """
     outcome = worker.run(TASK, {"program": program}, silence_s=None, limit_s=limit_s)
     if not isinstance(outcome.value, dict):
-        return "failed" if outcome.status in ("died", "hung") else "not run"
-    if outcome.value["raised"] is None:
-        return "passed"
-    return "not run" if outcome.value["raised"] in NOT_SHOWN else "failed"
+        return ("failed" if outcome.status in ("died", "hung") else "not run"), ""
+    raised, text, at = (outcome.value[name] for name in ("raised", "text", "at"))
+    if raised is None:
+        return "passed", ""
+    return ("not run" if raised in NOT_SHOWN else "failed"), at and f"{at} {raised}: {text}"
 
 
 def confirmed(
@@ -149,7 +161,8 @@ def confirmed(
 
     Causes are established first. What compares two plays, and passes once an established cause is
     held still, is a consequence; it stays failed. What one play shows is a consequence of the
-    causes alone that name its check.
+    causes alone that name its check. So is what ends in an exception that another's program ended
+    in, raised by the same line.
 
     Args:
         drafts: verdicts in the order of their ids, with the programs of their findings.
@@ -183,6 +196,7 @@ def _confirmed(
 ) -> tuple[Verdict, ...]:
     found = {verdict.id: verdict for verdict, _ in drafts}
     causes: list[str] = []
+    exceptions: dict[str, str] = {}
     end_s, is_open = work.until_s, False
     waiting = [each for each in sorted(drafts, key=_order) if each[0].outcome == "failed"]
     waiting = [each for each in waiting if each[1]]
@@ -204,8 +218,13 @@ def _confirmed(
             found[verdict.id] = replace(verdict, outcome="suspected", reason=NOT_RUN)
             is_open = is_open or (verdict.id in HOLDS and HOLDS[verdict.id].is_general)
             continue
-        if verdict.id in HOLDS and found[verdict.id].outcome == "failed":
-            causes.append(verdict.id)
+        if found[verdict.id].outcome == "failed":
+            raised = work.raised(found[verdict.id].findings)
+            first = exceptions.setdefault(raised, verdict.id) if raised else verdict.id
+            if first != verdict.id:
+                found[verdict.id] = replace(found[verdict.id], follows_from=FollowsFrom(first))
+            elif verdict.id in HOLDS:
+                causes.append(verdict.id)
     return tuple(found.values())
 
 

@@ -55,7 +55,7 @@ def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Seeds the global generators before each call by its number within the episode."""
+    """Seeds the global generators before each call by the reset's seed and the call's number."""
 
     def seed_all(number: int) -> None:
         np.random.seed(number)
@@ -69,8 +69,8 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
         cls = type(env)
 
         def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            self.__dict__["calls_made"] = 0
-            seed_all(0)
+            self.__dict__["calls_made"] = 65_536 * ((kwargs.get("seed") or 0) % 65_536)
+            seed_all(self.__dict__["calls_made"])
             return cls.reset(self, *args, **kwargs)
 
         def step(self: Any, action: Any) -> Any:
@@ -459,7 +459,9 @@ class Hold:
     is_general: bool = False
 
 
-GLOBALS: Final = Hold("global generators seeded before each call", globals_held, is_general=True)
+GLOBALS: Final = Hold(
+    "global generators seeded before each call", globals_held, ("GK600",), is_general=True
+)
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
 GENERATORS: Final = Hold("own generators restarted at each reset", generators_held, is_general=True)
 INSTANCES: Final = Hold(

@@ -39,6 +39,7 @@ WANTED: Final = {
     "metadata": "metadata of the environment's class",
     "order": "a tick in which two agents act",
     "other_process": "an episode that repeats in this process and can be played in another",
+    "payment_times": "a reward that lies far from what its agent gets in most steps",
     "render": "a render mode that the metadata declare and that can be built",
     "same_seed": "an episode that can be played twice",
     "second_episode": "an episode that repeats in a fresh instance, by a seed that isn't ignored",

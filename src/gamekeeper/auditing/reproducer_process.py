@@ -15,7 +15,7 @@ def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
 
     Returns:
         `raised`: name of the exception's class, None where the program came to its end; `text`: its
-        message.
+        message; `at`: file and line that raised it, empty where that is the program's own.
     """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):  # what it prints, five times over, is of no use to anybody
@@ -28,5 +28,10 @@ def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever it raises is the answer
-        return {"raised": type(error).__name__, "text": str(error)[:500]}
-    return {"raised": None, "text": ""}
+        at = error.__traceback__
+        while at is not None and at.tb_next is not None:
+            at = at.tb_next
+        file = FILE if at is None else at.tb_frame.f_code.co_filename
+        place = "" if at is None or file == FILE else f"{file}:{at.tb_lineno}"
+        return {"raised": type(error).__name__, "text": str(error)[:500], "at": place}
+    return {"raised": None, "text": "", "at": ""}

@@ -70,11 +70,12 @@ class FollowsFrom:
 
     Attributes:
         id: check whose failure is the cause.
-        held_still: what was held still, so that the reproducer passed.
+        held_still: what was held still, so that the reproducer passed; empty: the reproducers of
+            both end in one exception.
     """
 
     id: str
-    held_still: str
+    held_still: str = ""
 
 
 MINOR: Final = "minor: "

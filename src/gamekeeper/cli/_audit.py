@@ -136,11 +136,22 @@ def audit_with_progress(
 
 @contextmanager
 def _told_prints(screen: Screen, path: Path) -> Iterator[None]:
-    """Says afterwards how much the environment printed and where it is; removes an empty file."""
+    """Says afterwards how much the environment printed and where it is; removes an empty file.
+
+    What Gamekeeper itself says there, in each of its processes, is said once and isn't counted.
+    """
     try:
         yield
     finally:
-        size = path.stat().st_size
+        size, said = 0, dict[bytes, None]()
+        with path.open("rb") as printed:
+            for line in printed:
+                if line.startswith(b"gamekeeper: "):
+                    said[line] = None
+                else:
+                    size += len(line)
+        for line in said:
+            screen.note(line.decode(errors="replace").rstrip())
         if size:
             screen.note(f"note: the environment printed {size:,} bytes, which are in {path}")
         else:

@@ -124,7 +124,7 @@ def record_by_workers(
 
 
 def _say(screen: Screen, played: FanOut) -> None:
-    """Notes parts that an earlier call wrote, damaged parts, and worker processes that died."""
+    """Notes earlier and damaged parts, workers that died, and an episode that doesn't replay."""
     if played.found:
         screen.note(f"{played.found} of {played.parts} ranges of episodes were there already")
     if played.torn:
@@ -133,3 +133,5 @@ def _say(screen: Screen, played: FanOut) -> None:
     if played.deaths:
         times = "once" if played.deaths == 1 else f"{played.deaths} times"
         screen.note(f"a worker process died {times}; what it played was played again")
+    if played.note:
+        screen.note(played.note)

@@ -185,8 +185,9 @@ def command(
     which shows dependence, never a cause). With --good, what differs from a run that worked is
     taken over one at a time, then in ever smaller sets; no knob is needed.
 
-    Exit code 0: a cause is named, or the run fails no more often than chance allows. 2: no answer,
-    or new episodes contradict the recorded ones; the reason is printed.
+    Exit code 0: a cause is named, or the run fails no more often than chance allows. 1: a policy
+    raised in new episodes. 2: no answer, or new episodes contradict the recorded ones; the reason
+    is printed.
 
     Example: gamekeeper diagnose runs/warehouse-1 --failed "return < 3"
     """
@@ -265,7 +266,9 @@ def beside(run: Path, word: str) -> Path:
 
 
 def diagnosis_code(found: Diagnosis) -> int:
-    """Returns 0: a cause is named, or no failure beyond chance. 2: no answer, or contradicted."""
+    """Returns 0: a cause is named, or nothing fails. 1: a policy raised. 2: no answer."""
+    if found.raised:
+        return 1
     answers = [*found.agents.values(), *([found.team] if found.team else [])]
     is_failing = any(each.success[2] < found.expected for each in answers)
     if found.differences is not None:

@@ -17,6 +17,7 @@ from gamekeeper.diagnosis.trials import (
     POLICY,
     IdealSubstitute,
     PerturbationArm,
+    joined_names,
 )
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.interface.policy import REFERENCE
@@ -51,6 +52,7 @@ def agent_answer(
         finding.success,
         tuple(substitute.name for substitute in finding.substitutes),
         _shown(finding, finding.substitutes),
+        tuple(one.name for one in finding.beside if agent is None or agent in one.agents),
     )
     concerned = {a for substitute in finding.substitutes for a in substitute.concerned}
     if agent is None or finding.answer not in CAUSES or not concerned:
@@ -183,14 +185,9 @@ def _why_not(
         return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
     if knobs:
         have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
-        return f"{_joined(knobs)} {have} already"
+        return f"{joined_names(knobs)} {have} already"
     if label == POLICY and seen.has_reference:
         return "the reference policy plays already"
     if label == POLICY:
         return "the environment has no reference policy"
     return "the contract declares no knob with this label"
-
-
-def _joined(names: Sequence[str]) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last

@@ -17,7 +17,6 @@ from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import failed, failures, outcome_of
-from gamekeeper.episodes.outcome import failed as told_failed
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import episode_seed
@@ -253,7 +252,7 @@ def _arguments(evidence: Evidence) -> dict[str, Any]:
 def _failing(evidence: Evidence, condition: str | None, scope: str) -> int:
     conditions = failures(evidence.contract, condition)
     contract = evidence.contract
-    told = [told_failed(outcome_of(trace), conditions, contract) for trace in evidence.episodes]
+    told = [failed(outcome_of(trace), conditions, contract) for trace in evidence.episodes]
     return sum(each.get(scope, False) for each in told)
 
 

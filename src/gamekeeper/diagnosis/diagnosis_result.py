@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
+from gamekeeper.diagnosis.raised_policies import RaisedPolicy
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.setup_differences import SetupDifference
 from gamekeeper.episodes.row_tables import html_table, text_lines
@@ -67,6 +68,7 @@ class AgentDiagnosis:
         success: share of successes on fresh seeds with its interval: (share, low, high).
         substitutes: the least ideal substitutes that restore.
         component: the place of the fault, as far as it was shown; None where no cause is named.
+        beside: whole policies in this agent's place that restore too, and show less.
     """
 
     answer: Answer
@@ -78,6 +80,7 @@ class AgentDiagnosis:
     success: tuple[float, float, float] = (0.0, 0.0, 1.0)
     substitutes: tuple[str, ...] = ()
     component: str | None = None
+    beside: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -90,6 +93,7 @@ class AgentDiagnosis:
             "scope": self.scope,
             "success": {"share": share, "low": low, "high": high},
             "substitutes": list(self.substitutes),
+            "beside": list(self.beside),
             "tested": [each.to_json() for each in self.tested],
             "not_tested": [{"label": label, "why": why} for label, why in self.not_tested],
         }
@@ -199,6 +203,8 @@ class Diagnosis:
             role; then new and recorded episodes can't contradict each other.
         responses: response tests of policies, by agent, where undos were tried.
         differences: to a run that worked, where one was given.
+        raised: policies that broke new episodes off; where they broke off most, nothing else was
+            looked for.
     """
 
     run: str
@@ -223,6 +229,7 @@ class Diagnosis:
     policies: Mapping[str, str] = field(default_factory=dict)
     responses: Mapping[str, ResponseTest] = field(default_factory=dict)
     differences: RunDifferences | None = None
+    raised: tuple[RaisedPolicy, ...] = ()
 
     @property
     def has_cause(self) -> bool:
@@ -269,6 +276,7 @@ class Diagnosis:
             "policies": dict(self.policies),
             "responses": {name: each.to_json() for name, each in self.responses.items()},
             "differences": None if self.differences is None else self.differences.to_json(),
+            "raised": [each.to_json() for each in self.raised],
         }
 
     def rows(self) -> list[list[str]]:
@@ -291,14 +299,14 @@ class Diagnosis:
         ]
 
     def __str__(self) -> str:
-        told = [f"{scope}: {each}" for scope, each in self.contradictions.items()]
+        told = [str(each) for each in self.raised]
+        told += [f"{scope}: {each}" for scope, each in self.contradictions.items()]
         return "\n".join([*told, *text_lines(self.rows())])
 
     def _repr_html_(self) -> str:
-        told = "".join(
-            f"<p><b>{escape(f'{scope}: {each}')}</b></p>"
-            for scope, each in self.contradictions.items()
-        )
+        lines = [str(each) for each in self.raised]
+        lines += [f"{scope}: {each}" for scope, each in self.contradictions.items()]
+        told = "".join(f"<p><b>{escape(line)}</b></p>" for line in lines)
         return f"{told}{html_table(self.rows(), caption='Diagnosis by agent')}"
 
 

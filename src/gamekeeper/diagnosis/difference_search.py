@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
 from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.raised_policies import RaisedPolicy, raised_in
 from gamekeeper.diagnosis.setup_differences import SetupDifference, names_of, taken_over
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import GamekeeperError
@@ -121,6 +122,11 @@ class DifferenceSearch:
         assert bad is not None  # a recorded set-up that can't be played has raised
         assert good is not None
         return bad, good
+
+    @property
+    def raised(self) -> tuple[RaisedPolicy, ...]:
+        """The policies of the bad set-up that raised, on the seeds that the answer is given on."""
+        return raised_in(self.runner.of(BAD, self.seeds[1], range(CONFIRM)))
 
     def _found(self) -> tuple[Chosen, ...]:
         ranked = self._ranked()

@@ -22,6 +22,7 @@ from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
 from gamekeeper.diagnosis.judgement import ScopeFinding, cut_early, is_failing, judged, recovered
 from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.raised_policies import MOST, RaisedPolicy, raised_in
 from gamekeeper.diagnosis.trials import (
     COMPONENTS,
     CUT_OFF,
@@ -130,7 +131,7 @@ class Experiment:
         """Plays what the answers need, as far as the budget goes."""
         self._play([UNCHANGED], self.search_seed, SEARCH)
         self._play([UNCHANGED], self.confirm_seed, CONFIRM)
-        if not self.substitutes or not self.fails:
+        if not self.substitutes or not self.fails or self.is_broken_off:
             return
         singles = self._names(self.substitutes)
         if len(singles) > 1:
@@ -357,6 +358,25 @@ class Experiment:
     def fails(self) -> bool:
         """For somebody the set-up fails more often than declared, beyond chance."""
         return any(self._is_failing(scope) for scope in self.scopes)
+
+    @property
+    def raised(self) -> tuple[RaisedPolicy, ...]:
+        """The policies that raised with nothing changed."""
+        return raised_in(self._unchanged())
+
+    @property
+    def is_broken_off(self) -> bool:
+        """Most of the failed episodes were broken off by a policy that raised."""
+        count = sum(each.count for each in self.raised)
+        bad = [
+            any(failed(each, self.conditions, self.contract).values())
+            for each in (self._unchanged() if count else ())
+        ]
+        return count > 0 and count >= MOST * sum(bad)
+
+    def _unchanged(self) -> list[Outcome]:
+        """Outcomes with nothing changed, on the seeds that the answer is given on."""
+        return self.runner.of(UNCHANGED, self.confirm_seed, range(self.confirm))
 
     def successes(self, arm: str, run_seed: int, episodes: int, scope: str) -> NDArray[np.float64]:
         """[episodes] 1 where an episode of the arm didn't fail for the scope."""

@@ -149,7 +149,7 @@ def diagnose(
 def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     """The diagnosis by ideal substitutes, undos and perturbations."""
     declared = contract_of(evidence, options.contract)
-    conditions = failures(declared, options.failed)
+    conditions = failures(declared, options.failed, evidence.episodes)
     recorded = _recorded(evidence, conditions, declared)
     lost = _lost(evidence, conditions, declared)
     env, policies = options.env, options.policies
@@ -170,7 +170,12 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             silence_s=options.timeout_s,
             notes=options.notes,
             longest=longest_of(evidence),
-            head={"run": evidence.fingerprint, "seed": options.seed, **played},
+            head={
+                "run": evidence.fingerprint,
+                "seed": options.seed,
+                "most_turns": setup.most_turns,
+                **played,
+            },
         )
         options.check_budget(runner.longest, LEAST)
         experiment = Experiment(
@@ -191,6 +196,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             responses = try_undos(experiment)
             is_wanted = options.perturbations
             wanted = experiment.fails if is_wanted is None else is_wanted
+            wanted = wanted and not experiment.is_broken_off
             experiment.early_cut = early_cut(lost, declared.schedule.horizon)
             diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
             diagnosis = dataclasses.replace(diagnosis, responses=responses)
@@ -234,8 +240,15 @@ def _diagnosis(
     agents = _present(evidence, experiment, seen)
     fresh = {scope: experiment.fresh(scope) for scope in experiment.scopes}
     others = other_policies(evidence, experiment.setup)
-    doubts = {} if others else contradictions(recorded, fresh)
+    is_broken_off, raised = experiment.is_broken_off, experiment.raised
+    doubts = {} if others or is_broken_off else contradictions(recorded, fresh)
     findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
+    if is_broken_off:
+        why = f"{raised[0]}; nothing was tried, as no episode shows more than that"
+        findings = {
+            scope: dataclasses.replace(each, answer="not_tried", why=why)
+            for scope, each in findings.items()
+        }
     found = _counterfactuals(evidence, experiment, findings, recorded)
     repeated = experiment.extra
     _reserve(experiment, findings)
@@ -276,6 +289,7 @@ def _diagnosis(
         steps=experiment.runner.steps,
         not_played=tuple(experiment.not_played),
         policies=others,
+        raised=raised,
     )
 
 

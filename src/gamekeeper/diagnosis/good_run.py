@@ -229,6 +229,7 @@ def _diagnosis(
         steps=search.runner.steps,
         not_played=tuple(search.not_played),
         differences=found,
+        raised=search.raised,
     )
 
 

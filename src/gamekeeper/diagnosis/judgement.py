@@ -71,6 +71,7 @@ class ScopeFinding:
         success: the share of successes as it is: (share, low, high).
         why: in a sentence.
         rivals: others that restored in the search, and weren't played on fresh seeds.
+        beside: whole policies in an agent's place that restore as well as an undo that is named.
     """
 
     answer: Answer
@@ -80,6 +81,7 @@ class ScopeFinding:
     success: tuple[float, float, float]
     why: str
     rivals: tuple[IdealSubstitute, ...] = ()
+    beside: tuple[IdealSubstitute, ...] = ()
 
 
 def is_failing(unchanged: Successes, expected: float) -> bool:
@@ -137,7 +139,7 @@ def judged(
     best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
     singles = [one for one in best if "+" not in one.substitute.component]
     if singles:
-        return _of_singles(singles, tried, success, skipped)
+        return _beside_policies(_of_singles(singles, tried, success, skipped), arms, rng)
     better = [one for one in best if _beats_its_parts(one, arms, rng)]
     if better:
         return _of_pairs(better, tried, success)
@@ -354,6 +356,36 @@ def _of_singles(
         return ScopeFinding("isolated", labels, substitutes, tried, success, why)
     why = f"each of {names} restores success, so these causes can't be told apart"
     return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+
+
+def _beside_policies(
+    finding: ScopeFinding, arms: Mapping[IdealSubstitute, Successes], rng: Generator
+) -> ScopeFinding:
+    """The same, and in its reason the policies in an agent's place that restore as it does.
+
+    They make up for what is named, and for all else of that agent: one that restores more shows
+    that the rest may matter.
+    """
+    named = {one.name for one in finding.substitutes}
+    found = [
+        one.substitute
+        for one in finding.tried
+        if one.restores
+        and one.substitute.component == POLICY
+        and not one.substitute.parts
+        and one.substitute.name not in named
+        and one.substitute.contains & named
+    ]
+    if not found:
+        return finding
+    best = max((arms[one] for one in arms if one.name in named), key=np.mean)
+    more = [one for one in found if paired_effect(best, arms[one], rng=rng).low > 0]
+    why = f"{finding.why}; so does {' or '.join(one.name for one in found if one not in more)}"
+    why = finding.why if len(more) == len(found) else why
+    if more:
+        names = " or ".join(one.name for one in more)
+        why += f"; {names} restores more: something else of its policy may be wrong too"
+    return replace(finding, why=why, beside=tuple(found))
 
 
 def _with_peers(

@@ -73,7 +73,7 @@ def pivots(
     """
     evidence = whole_evidence(run, allow_import=allow_import)
     declared = contract_of(evidence, contract)
-    conditions = failures(declared, failed)
+    conditions = failures(declared, failed, evidence.episodes)
     scopes = _failed_scopes(evidence, conditions, declared)
     chosen = _chosen(evidence, scopes, episode)
     setup = setup_of(evidence, policies=policies)

@@ -145,7 +145,6 @@ def setup_of(
         )
     kwargs: Any = from_json(text)
     rows = evidence.episode_table.to_pylist()
-    cuts = [row["turns"] for row in rows if row["end"] == CUT]
     options = [row["options"] for row in rows] or [None]
     lengths = [row["turns"] for row in rows if row["turns"]]
     return Setup(
@@ -153,9 +152,23 @@ def setup_of(
         kwargs=kwargs,
         options=tuple(None if each is None else from_json(each) for each in options),
         policies=named,
-        most_turns=max(cuts) if cuts else MOST_TURNS,
+        most_turns=_most_turns(evidence, rows),
         typical_turns=sorted(lengths)[len(lengths) // 2] if lengths else None,
     )
+
+
+def _most_turns(evidence: Evidence, rows: Sequence[Mapping[str, Any]]) -> int:
+    """The turns at which a run cut its episodes.
+
+    A run that doesn't say so had a limit where several were cut after as many turns, and none is
+    longer: one that a policy or Ctrl-C broke off is cut, too.
+    """
+    told = evidence.manifest.get("most_turns")
+    if told is not None:
+        return int(told)
+    cuts = [row["turns"] for row in rows if row["end"] == CUT]
+    longest = max((row["turns"] or 0 for row in rows), default=0)
+    return longest if len(cuts) > 1 and set(cuts) == {longest} else MOST_TURNS
 
 
 def consent_to(

@@ -133,7 +133,7 @@ class _Search:
                 fix="name an episode of the run",
             ) from None
         self._contract, self._env, self._left = contract, env, TRIES
-        self._conditions = failures(contract, condition)
+        self._conditions = failures(contract, condition, evidence.episodes)
         env.reset(seed=0)
         self.play = play_of(trace, env, evidence.manifest.get("action_types"))
         whole = self._outcome(self.play)

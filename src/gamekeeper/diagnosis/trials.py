@@ -117,16 +117,16 @@ class IdealSubstitute:
             return f"the cut-off of episodes ({self.name} restores)"
         if self.component == ENVIRONMENT:
             return f"the environment's {self.steps[0][2]}"
-        whose = f"{_joined(self.agents)}'s " if self.agents else ""
+        whose = f"{joined_names(self.agents)}'s " if self.agents else ""
         if self.is_gain:
             return f"{whose}gain, from what is observed to what is done"
         if self.between:
-            text = f"messages from {self.between[0]} to {_joined(self.between[1:])}"
+            text = f"messages from {self.between[0]} to {joined_names(self.between[1:])}"
             return f"{whose}{self.component} or {text}" if self.agents == self.between[:1] else text
         if self.component == MESSAGES and self.undo is not None:
-            names = f"{self.undo.names[0]} to {_joined(self.undo.agents)}"
+            names = f"{self.undo.names[0]} to {joined_names(self.undo.agents)}"
             return f"messages from {names}, late or lost on their way"
-        names, is_one = _joined(self.agents), len(self.agents) == 1
+        names, is_one = joined_names(self.agents), len(self.agents) == 1
         words = {
             POLICY: f"{whose}{'policy' if is_one else 'policies'}",
             MEMORY: f"something that {names} keep{'s' if is_one else ''} between turns",
@@ -166,7 +166,7 @@ def substitutes_of(
     for sharers in traits.resettable:
         steps = tuple(("forgets", agent, "", True) for agent in sharers)
         memories.append(
-            IdealSubstitute(f"resetting {_joined(sharers)}'s memory", MEMORY, sharers, steps)
+            IdealSubstitute(f"resetting {joined_names(sharers)}'s memory", MEMORY, sharers, steps)
         )
     nested = tuple(_nested([*found, *memories], contract))
     return tuple(_forgetting([*nested, *_together(nested)], memories))
@@ -303,7 +303,7 @@ def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterato
                 yield one
     for (_, peer), swaps in groups.items():
         if len(swaps) > 1:
-            names = _joined([one.agents[0] for one in swaps])
+            names = joined_names([one.agents[0] for one in swaps])
             yield joined(swaps, f"giving {names} {peer}'s policy")
 
 
@@ -427,7 +427,8 @@ def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setu
     return replace(setup, most_turns=value)
 
 
-def _joined(names: Sequence[str]) -> str:
+def joined_names(names: Sequence[str]) -> str:
+    """Names as `a, b and c`."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
 

@@ -54,7 +54,7 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
     """
     scopes = _open_scopes(experiment)
     failing = _failing(experiment, scopes)
-    if not failing:
+    if not failing or experiment.is_broken_off:
         return {}
     if experiment.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
         experiment.not_played.append("undos from outside")
@@ -170,6 +170,7 @@ def search(
             cap = max(count, min(affordable, CONFIRMED))
         rivals += [one for one in kept[cap:] if ranked[one] >= RIVAL]
         pool = kept[:cap]
+    pool += _beside(experiment, pool, rivals)
     experiment.dropped = len(experiment.undos) - len(pool)
     experiment.undos = pool
     named = {(one.component, one.agents) for one in pool}
@@ -186,6 +187,19 @@ def search(
     names = [one.name for one in pool]
     experiment.confirmed = [*experiment.confirmed, *names]
     experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
+
+
+def _beside(
+    experiment: Experiment, pool: Sequence[IdealSubstitute], rivals: Sequence[IdealSubstitute]
+) -> list[IdealSubstitute]:
+    """A policy in the place of an agent whose undo is confirmed, where the budget has room for it.
+
+    It makes up for the undo, and so changes no answer; that it restores too is said beside it.
+    """
+    whose = {one.agents for one in pool}
+    found = [one for one in rivals if one.component == POLICY and one.agents in whose]
+    has_room = experiment.left - ASIDE >= experiment.confirm * (len(pool) + 1)
+    return found[:1] if has_room and not any(one.component == POLICY for one in pool) else []
 
 
 def _other_boundaries(

@@ -291,7 +291,9 @@ class Evidence:
     @property
     def not_whole(self) -> str:
         """Sentence that says why the run is incomplete; empty where it is complete."""
-        return NOT_WHOLE.get(str(self.manifest.get("status")), "")
+        stopped = self.manifest.get("stopped")
+        why = f"Not whole: {stopped}." if isinstance(stopped, str) else ""
+        return NOT_WHOLE.get(str(self.manifest.get("status")), why)
 
     @property
     def retained_text(self) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 from gamekeeper.contract import Contract
@@ -17,6 +18,10 @@ from gamekeeper.errors import ContractError
 TEAM: Final = "team"
 EACH: Final = "agent"
 """In a contract's `[failure]`: a condition for each agent by itself."""
+SAMPLED: Final = 20
+"""Episodes whose figures an error looks at, to propose a condition."""
+SUCCESS: Final = ("success", "is_success")
+"""Names under which infos commonly say that an episode succeeded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,25 +128,46 @@ def outcome_of(trace: Episode) -> Outcome:
     )
 
 
-def failures(contract: Contract, condition: str | None = None) -> Mapping[str, Failure]:
+def failures(
+    contract: Contract, condition: str | None = None, episodes: Iterable[Episode] = ()
+) -> Mapping[str, Failure]:
     """The conditions that say what failed, by scope: `team`, a role, or `agent` for each.
 
     Args:
         condition: holds for the team, in place of what the contract declares.
+        episodes: of the run; where nothing is declared, the error proposes a condition on these.
     Raises:
         ContractError: there is neither a condition nor a declaration.
     """
     if condition is not None:
         return {TEAM: Failure(condition)}
     if not contract.failure:
+        outcomes = [outcome_of(each) for each in islice(episodes, SAMPLED)]
         raise ContractError(
             "nothing says when an episode failed",
             where="failure",
             expected="[failure] in the contract",
             actual="none",
-            fix="give a condition: failed='return < 0.5', --failed on the command line",
+            fix=f"give a condition, such as failed='{_example(outcomes, contract)}', --failed on "
+            "the command line",
         )
     return contract.failure
+
+
+def _example(outcomes: Sequence[Outcome], contract: Contract) -> str:
+    """A condition on figures that the episodes have, which holds for some of them if they differ.
+
+    Success is named only where the last infos of every episode have it.
+    """
+    rows = [dict(_of(each, [*each.returns], contract)) for each in outcomes]
+    for name in SUCCESS:
+        if rows and all(row.get(name) in (0, 1) for row in rows):
+            return f"not {name}"
+    for name in ("return", "length"):
+        values = sorted({float(row[name]) for row in rows})
+        if len(values) > 1:
+            return f"{name} < {values[len(values) // 2]:.4g}"
+    return "return < 0.5"
 
 
 def failed(

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import UNDEFINED, table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.text_columns import item_lines, wrapped
 from gamekeeper.statistics.significance import p_text
 
 INDENT: Final = "  "
@@ -127,12 +127,8 @@ def _group(
     """A table with its title and a legend of one entry a line."""
     lines = wrapped(title, width, rest=INDENT)
     lines += wrapped(above, width, first=INDENT, rest=INDENT)
-    below = [line for each in legend for line in _lines(each, width)]
+    below = [line for each in legend for line in item_lines(each, width)]
     return "\n".join([*lines, _table(rows), *below])
-
-
-def _lines(text: str, width: int) -> list[str]:
-    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
 
 
 def _signs(parts: Sequence[Mapping[str, Any] | None], absent: str) -> list[str]:

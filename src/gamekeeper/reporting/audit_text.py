@@ -110,7 +110,9 @@ def _minor(verdict: Document) -> Row:
 def _consequence(verdict: Document) -> Row:
     """The broken rule, the cause, and what was held still so that the reproducer passed."""
     cause = verdict["follows_from"]
-    text = f"{_broken(verdict)} Follows from {cause['id']}: passes with {cause['held_still']}."
+    held = cause["held_still"]
+    why = f"passes with {held}" if held else "the same exception"
+    text = f"{_broken(verdict)} Follows from {cause['id']}: {why}."
     return verdict["id"], _short(text)
 
 
@@ -159,10 +161,11 @@ def suspected_text(audit: Document, *, width: int) -> str:
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
-    """Id, severity and broken rule of the worst failed checks, causes first; how many more."""
+    """Id, severity and broken rule of the worst failed checks, causes first; ids of the others."""
     found = sorted(verdicts_of(audit, "failed"), key=lambda each: each["follows_from"] is not None)
     rows = [(each["id"], each["severity"], _short(_brief(each))) for each in found[:most]]
-    return rows if len(found) <= most else [*rows, ("", "", f"and {len(found) - most} more")]
+    others = ", ".join(each["id"] for each in found[most:])
+    return [*rows, ("", "", f"and {len(found) - most} more: {others}")] if others else rows
 
 
 def _brief(verdict: Document) -> str:

@@ -61,7 +61,10 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         place = each["component"] or ""
         said = f"{cause}: {place}" if cause and cause not in place else place or cause
         groups.setdefault(f"{each['answer']}; {said}", []).append(name)
-    if not groups:
+    raised = [each["agent"] for each in document.get("raised") or ()]
+    if not groups and raised:
+        yield "Who", f"{', '.join(raised)}: see what its policy raised, above"
+    elif not groups:
         whole = document["team"] or next(iter(document["agents"].values()))
         yield "Who", f"no agent. {answer_sentence(whole)}."
     for number, (text, names) in enumerate(groups.items()):
@@ -96,6 +99,9 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     tests = _tested(document)
     for number, each in enumerate(tests[:3]):
         yield "" if number else "Undone by", each["intervention"]
+    beside = [name for each in _named(document).values() for name in each.get("beside", ())]
+    for number, name in enumerate(dict.fromkeys(beside)):
+        yield "" if number else "So does", name
     if tests:
         best = max(tests, key=lambda each: float(each["effect"]))
         yield (
@@ -166,7 +172,7 @@ def _next(document: Mapping[str, Any]) -> Sequence[str]:
     if _named(document) and document["counterfactuals"]:
         episode = document["counterfactuals"][0]["episode"]
         found.append(f"gamekeeper pivots {run} --episode {episode}{words}")
-    elif good is None and _is_failing(document):
+    elif good is None and _is_failing(document) and not document.get("raised"):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}")
     if document["not_played"]:
         more = f" --episodes {2 * document['most_episodes']}"

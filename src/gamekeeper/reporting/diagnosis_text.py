@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.differences_text import differences_text
-from gamekeeper.reporting.results_text import few, table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.results_text import few
+from gamekeeper.reporting.text_columns import column_lines, item_lines, wrapped
 
 INDENT: Final = "  "
 TEAM: Final = "team"
 EACH: Final = "agent"
 """Scope of a condition that stands for each agent by itself."""
-MOST: Final = 12
-"""Interventions that are shown of a kind; the document has all of them."""
 FIELDS: Final = {"obs": "observation"}
 """Names of fields in words, where they are others."""
 
@@ -29,6 +28,7 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
     differences = document.get("differences")
     if differences is not None:
         blocks = [
+            *contradiction_lines(document, width),
             head_line(document, width),
             differences_text(document, width=width),
             _agents(document, width),
@@ -50,7 +50,9 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
 
 
 def contradiction_lines(document: Mapping[str, Any], width: int) -> Iterator[str]:
-    """Names new episodes that contradict the recorded ones, before any answer."""
+    """Names policies that raised, and new episodes that contradict, before any answer."""
+    for each in document.get("raised") or ():
+        yield "\n".join(wrapped(f"Raised  {each['text']}.", width, rest=INDENT))
     for scope, each in document["contradictions"].items():
         text = f"Contradiction  {scope}: {each['why']}."
         yield "\n".join(wrapped(text, width, rest=INDENT))
@@ -104,7 +106,7 @@ def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]
     """Condition, number of failed episodes, answer, and effects of ideal substitutes."""
     found = _of_scope(document, scope)
     condition = document["conditions"].get(scope, document["conditions"].get(EACH, "?"))
-    yield from _lines(
+    yield from item_lines(
         f"An episode counts as failed if {condition}, or if an exception ends it.", width
     )
     share, fresh = found["success"], document["fresh"].get(scope, {"failed": 0, "episodes": 0})
@@ -118,8 +120,8 @@ def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]
         f"{share['high']:.0%}), expected if nothing is wrong: {document['expected']:.0%} "
         "(--expected)."
     )
-    yield from _lines(text, width)
-    yield from _lines(f"{answer_sentence(found)}.", width)
+    yield from item_lines(text, width)
+    yield from item_lines(f"{answer_sentence(found)}.", width)
     yield from _ideals(document, scope, width)
 
 
@@ -171,7 +173,7 @@ def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str
             f" Restores: closes at least {document['part']:.0%} of the gap to "
             f"{document['expected']:.0%} success, beyond chance."
         )
-    yield from _lines(text, width)
+    yield from item_lines(text, width)
     rows = [[each["intervention"], _effect(each), _ideal_word(each)] for each in ideals]
     yield from _rows(rows, width)
 
@@ -191,7 +193,7 @@ def _responses(document: Mapping[str, Any], width: int) -> str:
     """The response tests, in sentences."""
     rows = document.get("responses") or {}
     lines = [
-        line for name, each in rows.items() for line in _lines(f"{name}: {each['text']}", width)
+        line for name, each in rows.items() for line in item_lines(f"{name}: {each['text']}", width)
     ]
     return "\n".join(["Response tests", *lines]) if lines else ""
 
@@ -219,7 +221,7 @@ def _perturbations(document: Mapping[str, Any], width: int) -> str:
         rest = (
             f"{len(played) - len(shown)} {'others' if shown else 'played'}: no change beyond chance"
         )
-        lines += _lines(rest, width)
+        lines += item_lines(rest, width)
     return "\n".join(lines)
 
 
@@ -234,15 +236,10 @@ def _effect(tested: Mapping[str, Any]) -> str:
 
 
 def _rows(rows: list[list[str]], width: int) -> Iterator[str]:
-    """A table, indented below its sentence, of the first rows."""
-    if rows:
-        yield from (INDENT + line for line in table_lines(rows[:MOST], width=width - len(INDENT)))
-    if len(rows) > MOST:
-        yield f"{INDENT * 2}and {len(rows) - MOST} more (--json shows them)"
-
-
-def _lines(text: str, width: int) -> list[str]:
-    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
+    """A table, indented below its sentence; what doesn't fit its column is broken, never cut."""
+    cells = [[one_line(cell) for cell in row] for row in rows]
+    if cells:
+        yield from (INDENT + line for line in column_lines(cells, width=width - len(INDENT)))
 
 
 def effect_word(tested: Mapping[str, Any]) -> str:
@@ -269,7 +266,7 @@ def _agents(document: Mapping[str, Any], width: int) -> str:
     lines = [
         line
         for text, names in groups.items()
-        for line in _lines(f"{', '.join(names)}: {text}.", width)
+        for line in item_lines(f"{', '.join(names)}: {text}.", width)
     ]
     return "\n".join(["Agents", *lines]) if lines else ""
 
@@ -289,7 +286,7 @@ def _not_tested(document: Mapping[str, Any], width: int) -> str:
     lines = [
         line
         for (why, whom), labels in groups.items()
-        for line in _lines(f"{', '.join(labels)}{whom}: {why}", width)
+        for line in item_lines(f"{', '.join(labels)}{whom}: {why}", width)
     ]
     return "\n".join(["Causes that weren't tested", *lines]) if lines else ""
 
@@ -299,7 +296,7 @@ def _not_played(document: Mapping[str, Any], width: int) -> str:
     if not rows:
         return ""
     title = f"Not played ({limit_words(document)}; --episodes, --budget)"
-    lines = [line for each in rows for line in _lines(each, width)]
+    lines = [line for each in rows for line in item_lines(each, width)]
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines])
 
 
@@ -321,7 +318,7 @@ def _counterfactuals(rows: Sequence[Mapping[str, Any]], width: int) -> str:
             f"with {intervention}: recorded episodes {few(each['episode'] for each in mine)} "
             f"{ends}; they {also}{other} if all other agents repeat their recorded actions"
         )
-        lines += _lines(text, width)
+        lines += item_lines(text, width)
         for each in mine:
             where = difference_place(each)
             where = f"first difference at {where}" if where else "no difference"

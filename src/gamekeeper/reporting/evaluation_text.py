@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import MINUS, columns_of, wrapped
+from gamekeeper.reporting.text_columns import MINUS, columns_of, item_lines, wrapped
 from gamekeeper.statistics.interval import rounded
 
 INDENT: Final = "  "
@@ -89,7 +89,9 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
         ("Refused claims", [f"{row['what']}: {row['why']}" for row in document["refused"]]),
     ):
         if texts:
-            blocks.append("\n".join([title, *(line for t in texts for line in _item(t, width))]))
+            blocks.append(
+                "\n".join([title, *(line for t in texts for line in item_lines(t, width))])
+            )
     return "\n\n".join(blocks)
 
 
@@ -110,10 +112,6 @@ def _head(document: Mapping[str, Any], width: int) -> Iterator[str]:
     if suite is not None:
         yield f"{INDENT}suite        {suite['id']} {suite['version']}  {suite['fingerprint']}"
     yield f"{INDENT}fingerprint  {document['fingerprint']}"
-
-
-def _item(text: str, width: int) -> list[str]:
-    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
 
 
 def _name(row: Row) -> str:
@@ -283,7 +281,7 @@ def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
         if row["improvement"] is not None:
             chance = {k: 100 * row["improvement"][k] for k in ("value", "low", "high")}
             text = f"P({row['a']} > {row['b']}) in {row['metric']}: {_interval(chance)} %"
-            yield from _item(text, width)
+            yield from item_lines(text, width)
 
 
 def _profiles(rows: Sequence[Row], width: int) -> Iterator[str]:
@@ -321,7 +319,7 @@ def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) ->
             f"{policy} by {_interval(gap, sign='+')}" for policy, gap in row["gap"].items() if gap
         ]
         text = f"best as {row['role']} with {against}: {row['policy']}, {_number(row['value'])}"
-        yield from _item(f"{text}; ahead of {', '.join(gaps)}", width)
+        yield from item_lines(f"{text}; ahead of {', '.join(gaps)}", width)
     if found["best_response"]:
         yield f"{INDENT}best: chosen on half of the episodes, measured on the others"
     for row in found["fairness"]:
@@ -331,7 +329,7 @@ def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) ->
         text = f"{pair}: {leader} leads by {_interval(lead)}"
         if row["difference"] is not None:
             text += f"; {a} {MINUS} {b} {_interval(row['difference'], sign='+')}"
-        yield from _item(text, width)
+        yield from item_lines(text, width)
 
 
 def _leader(roles: Sequence[str], lead: Row | None) -> tuple[str, Row | None]:

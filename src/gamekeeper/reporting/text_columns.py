@@ -89,6 +89,11 @@ def _columns_of_sign(sign: str) -> int:
     return 2 if unicodedata.east_asian_width(sign) in DOUBLE else 1
 
 
+def item_lines(text: str, columns: int) -> list[str]:
+    """An indented text whose other lines are indented once more."""
+    return wrapped(text, columns, first=INDENT, rest=INDENT * 2)
+
+
 def column_lines(rows: Sequence[Sequence[str]], *, width: int) -> Iterator[str]:
     """Rows in aligned, indented columns; a cell too wide for its column is broken.
 

@@ -353,7 +353,7 @@ class EpisodeLoop:
                 self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
         if self._play.actions is not None:
             paper = self._play.actions[turn]
-            return {agent: _own(paper[agent]) for agent in paper}
+            return {agent: own_action(paper[agent]) for agent in paper}
         return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
 
     def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
@@ -364,7 +364,7 @@ class EpisodeLoop:
             self._hooks.given(turn, agent, observation, info)
         if self._play.actions is not None:
             paper = self._play.actions[turn]
-            return agent, _own(next(iter(paper.values()), None))
+            return agent, own_action(next(iter(paper.values()), None))
         if terminated or truncated:
             return agent, None
         return agent, self._chosen(agent, self._hooks.sees(turn, agent, observation), info)
@@ -381,10 +381,10 @@ def actions_of(played: Sequence[Actions]) -> tuple[Actions, ...]:
 
 
 def _copied(actions: Actions) -> dict[AgentId, Any]:
-    return {agent: _own(action) for agent, action in actions.items()}
+    return {agent: own_action(action) for agent, action in actions.items()}
 
 
-def _own(action: Any) -> Any:
+def own_action(action: Any) -> Any:
     """A copy of an action that can be written to; what can't be written is itself."""
     return action if isinstance(action, int | float | str | np.generic) else copy.deepcopy(action)
 

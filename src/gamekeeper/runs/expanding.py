@@ -263,6 +263,7 @@ def play_whole(
     """Plays all episodes of `evidence` again, recorded in full at `out`."""
     opened = opened_again(evidence, env)
     manifest = evidence.manifest
+    limit = {name: manifest[name] for name in ("most_turns",) if name in manifest}
     try:
         recorder = _Unframed(
             out,
@@ -272,7 +273,7 @@ def play_whole(
             terms=tuple(manifest.get("terms") or ()),
             volatile=evidence.contract.volatile_infos(),
             is_timed=False,
-            extra={"expanded": _origin(evidence)},
+            extra={"expanded": _origin(evidence), **limit},
         )
     except BaseException:
         opened.env.close()

@@ -374,7 +374,7 @@ def record_rollout(
                 level=plan.level,
                 run_seed=plan.seed,
                 durable=durable,
-                extra=_first_entry(plan.level, "no episode ended by itself"),
+                extra={**_first_entry(plan.level, "no episode ended by itself"), **_limit(plan)},
                 **_declared(declared),
             )
     except BaseException:
@@ -392,7 +392,8 @@ def record_rollout(
     if isinstance(sink, RunRecorder):
         with progress.while_finalizing():
             return replace(load(sink.path), path=Path(str(out)))
-    return sink.evidence(opened.identity, contract=declared, run_seed=plan.seed)
+    found = sink.evidence(opened.identity, contract=declared, run_seed=plan.seed)
+    return replace(found, manifest={**found.manifest, **_limit(plan)})
 
 
 def _play(
@@ -434,7 +435,9 @@ def _play(
                 after_turn=take_turn,
                 after_episode=take_episode,
             )
-        except (GamekeeperError, KeyboardInterrupt):
+        except (GamekeeperError, KeyboardInterrupt) as error:
+            if isinstance(sink, RunRecorder):
+                sink.say_in_manifest(stopped=_stopped(error, capture, plan))
             raise
         except BaseException as error:  # also where no step raised: last(), state(), render()
             capture.fail_at_last(traceback_text(error))
@@ -452,9 +455,22 @@ def _play(
             capture.close()
 
 
+def _stopped(error: BaseException, capture: Any, plan: RolloutPlan) -> str:
+    """Entry of the manifest: what ended the rollout before its last episode, and where."""
+    why = error.what if isinstance(error, GamekeeperError) else "it was interrupted"
+    begun = capture.episode + 1 - plan.first
+    place = f"episode {capture.episode}, turn {capture.turn}" if begun else "the first reset"
+    return f"{why} ({place}); {begun} of {plan.episodes} episodes were begun"
+
+
 def _first_entry(level: str, why: str) -> dict[str, Any]:
     """Entry of the manifest of a small run until an episode of it has been checked."""
     return {"checked": unchecked(why)} if level == SMALL else {}
+
+
+def _limit(plan: RolloutPlan) -> dict[str, Any]:
+    """Entry of the manifest: the turns at which episodes are cut, where that was asked for."""
+    return {} if plan.most_turns is None else {"most_turns": plan.most_turns}
 
 
 def _declared(contract: Contract | None) -> dict[str, Any]:

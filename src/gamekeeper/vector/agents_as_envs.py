@@ -11,6 +11,7 @@ from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
 
 from gamekeeper.errors import SpecError, check_choice
+from gamekeeper.vector.final_rows import AgentInfos, FinalObs
 from gamekeeper.vector.vector_form import ALL, changed
 
 ABSENT: Final = ("refuse", "zeros")
@@ -102,19 +103,18 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
         }
         if "final_obs" not in infos:
             return found
-        finals = np.empty(self.num_envs, object)
-        told = np.empty(self.num_envs, object)
+        finals, told, places = infos["final_obs"], infos["final_info"], np.flatnonzero(ended)
+        at = finals.rows[places // self.count], places % self.count
+        found["final_obs"] = FinalObs(self.num_envs, places, changed(finals.tree, itemgetter(at)))
         agents = self.venv.groups[0].agents
-        for place in np.flatnonzero(ended).tolist():
-            e, a = divmod(place, self.count)
-            finals[place] = changed(infos["final_obs"][e], itemgetter(a))
-            told[place] = infos["final_info"][e].get(agents[a], {})
-        found |= {"final_obs": finals, "final_info": told}
+        found["final_info"] = AgentInfos(self.num_envs, places, told, agents)
         found["_final_obs"] = found["_final_info"] = ended
         return found
 
     def _check(self, live: Any) -> None:
         """Refuses copies that play without some of their agents."""
+        if live.all():
+            return
         plays_on = live.any(1) & ~live.all(1)
         if plays_on.any():
             e = int(plays_on.argmax())

@@ -32,10 +32,12 @@ class BatchTransform:
         remembers: it is told of decisions, in `decided`.
         reads: there it is also handed the observations; else None.
         reuses: what it shows may be overwritten by the next step.
+        shows: observations are changed, where a method of it changes any.
         lead: by group, axes of observations before their own.
     """
 
     remembers = reads = reuses = False
+    shows = True
     lead: Sequence[tuple[int, ...]] = ()
 
     def bind(self, venv: Any) -> None:
@@ -97,7 +99,7 @@ class TransformedVector:
         own = (() if venv.api == "aec" else (len(group.agents),) for group in venv.groups)
         transform.lead = [(venv.num_envs, *agents) for agents in own]
         transform.bind(venv)
-        self._shows = transform.overrides("observations", "shown")
+        self._shows = transform.shows and transform.overrides("observations", "shown")
         self._acts, self._pays = transform.overrides("actions"), transform.overrides("rewards")
         self._remembers = transform.remembers
         self._columns: Any = EVERYBODY

@@ -23,6 +23,7 @@ class Crowd(ParallelEnv):
         kills: a file; the first episode that doesn't find it writes it and ends its process.
         dies: seeds of resets whose episodes end their process at their third tick.
         waits: a file; as long as it names the seed of a reset, that episode waits.
+        leaks: ticks of earlier episodes are in what the host is paid.
     """
 
     metadata: ClassVar = {
@@ -31,7 +32,8 @@ class Crowd(ParallelEnv):
         "render_modes": ["rgb_array"],
     }
 
-    def __init__(self, fails=(), kills="", dies=(), waits="", render_mode=None):
+    def __init__(self, fails=(), kills="", dies=(), waits="", leaks=False, render_mode=None):
+        self.leaks, self.before = leaks, 0
         self.fails, self.kills, self.dies, self.waits = fails, kills, dies, waits
         self.render_mode = render_mode
         self.possible_agents = ["host"]
@@ -74,6 +76,8 @@ class Crowd(ParallelEnv):
         if ended:
             self.agents = []
         rewards = {agent: float(actions.get(agent, 0)) for agent in agents}
+        rewards["host"] += self.before
+        self.before += int(self.leaks and ended)
         infos = {agent: {"tick": self.tick} for agent in agents}
         flags = dict.fromkeys(agents, ended), dict.fromkeys(agents, False)
         return seen, rewards, *flags, infos

@@ -90,6 +90,17 @@ def test_parts_merge_into_what_one_process_records(
         assert gk.replay(tmp_path / "many", allow_import=True).verified
 
 
+def test_an_episode_that_depends_on_those_before_it_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By one that is replayed after another, or alone where its part holds several episodes."""
+    leaks = plan(episodes=8, env_kwargs={"leaks": True})
+    assert "one process would record" in str(apart_into(tmp_path / "leaks", leaks).note)
+    assert apart_into(tmp_path / "sound", plan(episodes=8)).note is None
+    monkeypatch.setattr("gamekeeper.rollouts.rollout_plan.PARTS", 4)
+    assert apart_into(tmp_path / "parts", leaks).depends == 1
+
+
 def test_columns_of_late_joiners_find_their_places(tmp_path: Path) -> None:
     """Guests that see alike share a column, though in each part another of them came first."""
     apart_into(tmp_path / "many", plan(episodes=12))

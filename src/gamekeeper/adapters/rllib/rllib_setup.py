@@ -24,7 +24,7 @@ from ray.rllib.policy.policy import PolicySpec
 from ray.rllib.utils.spaces.space_utils import get_base_struct_from_space, unsquash_action
 from ray.tune.registry import register_env
 
-from gamekeeper.adapters.requirements import checked, weights_digest
+from gamekeeper.adapters.requirements import checked, not_learnt, weights_digest
 from gamekeeper.adapters.rllib.rllib_env import AgentsEnv, multi_agent_env
 from gamekeeper.adapters.rllib.rllib_game import (
     OBSERVATIONS,
@@ -70,13 +70,7 @@ class ModulePolicy:
         name = str(agent)
         sight = self.mapped.sights.get(name)
         if sight is None:
-            raise PolicyError(
-                f"{name!r} isn't among those who learnt",
-                where=name,
-                actual=name,
-                expected=", ".join(self.mapped.sights),
-                fix="give it a policy of its own",
-            )
+            raise not_learnt(name, self.mapped.sights)
         module = self.modules[self.mapped(name)]
         batch = {Columns.OBS: _tensors(sight.shown(observation, info))}
         with torch.no_grad(), torch.random.fork_rng(devices=[]):

@@ -5,6 +5,7 @@ The callbacks evaluate it by agent and role over episodes, and record it as it l
 
 from __future__ import annotations
 
+import copy
 from collections import defaultdict
 from collections.abc import Mapping
 from hashlib import blake2b
@@ -19,9 +20,12 @@ from gamekeeper.adapters.requirements import role_of, weights_digest
 from gamekeeper.adapters.sb3.sb3_normalization import normalization_of, save, saved_normalization
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import PolicyError
+from gamekeeper.interface.action_mask import reader
 from gamekeeper.interface.wrappers.normalization import Normalization
 from gamekeeper.runs.recording import rollout
 from gamekeeper.vector.vector_form import MASK
+
+mask_of = reader(None)
 
 
 class ModelPolicy:
@@ -47,17 +51,27 @@ class ModelPolicy:
         self.normalization = normalization
         self._is_masked = type(model).__name__.startswith("Maskable")
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> ModelPolicy:
+        """A policy with the same weights and buffers, which playing leaves alone.
+
+        The space is copied: some algorithms sample from it, and it keeps its generator.
+        """
+        model = copy.copy(self.model)
+        model.action_space = copy.deepcopy(model.action_space, memo)
+        return ModelPolicy(
+            model,
+            version=self.version,
+            deterministic=self.deterministic,
+            normalization=copy.deepcopy(self.normalization, memo),
+        )
+
     def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> Any:
         """The action of one agent."""
-        more = {}
-        if isinstance(observation, dict):
-            mask = observation.get(MASK, info.get(MASK))
+        more: dict[str, Any] = {}
+        mask: Any = mask_of(observation, info)
+        if isinstance(observation, dict) and MASK in observation:
             rest = {key: part for key, part in observation.items() if key != MASK}
-            observation = (
-                next(iter(rest.values())) if len(rest) == 1 and MASK in observation else rest
-            )
-        else:
-            mask = info.get(MASK)
+            observation = next(iter(rest.values())) if len(rest) == 1 else rest
         if self._is_masked and mask is not None:
             parts = mask if isinstance(mask, tuple | list) else [mask]
             more["action_masks"] = np.concatenate([np.atleast_1d(part) for part in parts]) != 0

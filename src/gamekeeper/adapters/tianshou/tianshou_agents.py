@@ -15,7 +15,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gamekeeper.adapters.requirements import learners_of, policies_of_others, role_of
-from gamekeeper.adapters.slot_views import OtherAgents, at, bare_space, zeros
+from gamekeeper.adapters.slot_views import OtherAgents, bare_space, zeros
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
 from gamekeeper.vector.vector_factory import make
@@ -257,14 +257,11 @@ class TianshouAgents:
         self._given, *flags, self._infos = self.venv.step(self._joint(actions))
         rewards, terminated, truncated = (self._by_learner(part) for part in flags)
         over = self._infos["over"]
-        ended = np.argwhere(terminated | truncated).tolist()
-        last = {(e, j): self._last(e, j) for e, j in ended}
         self._begin(np.flatnonzero(over))
         clear(self.obs, over)
         self._look()
         after = changed(self.obs, np.copy)
-        for (e, j), seen in last.items():
-            self.forms.put(after, (e, j), self._groups[j], seen)
+        self._put_last(after, terminated | truncated)
         return EnvStep(rewards, terminated, truncated, after, over, episode)
 
     def close(self) -> None:
@@ -336,11 +333,15 @@ class TianshouAgents:
             legal[:, :count] = flags | ~flags.any(-1, keepdims=True)
         return legal
 
-    def _last(self, e: int, j: int) -> Any:
-        """Returns the last observation of a learner that ended in this step."""
-        group = self.venv.groups[self._groups[j]]
-        place = int(self._columns[j]) - group.first
-        return at(self._part(self._infos["final_obs"][e], group), place)
+    def _put_last(self, after: Any, ended: NDArray[np.bool_]) -> None:
+        """Writes the last observations of learners that ended in this step, [env, agent]."""
+        for g in sorted(set(self._groups)) if ended.any() else ():
+            finals, group = self._infos["final_obs"], self.venv.groups[g]
+            mine = np.flatnonzero(np.array(self._groups) == g)
+            envs, which = np.nonzero(ended[:, mine])
+            source = finals.rows[envs], self._columns[mine[which]] - group.first
+            seen = changed(self._part(finals.tree, group), itemgetter(source))
+            self.forms.put(after, (envs, mine[which]), g, seen)
 
     def _by_learner(self, part: Any) -> NDArray[Any]:
         if not isinstance(part, Mapping):

@@ -25,7 +25,7 @@ from tianshou.data.collector import BaseCollector, CollectStats
 from gamekeeper.adapters.requirements import checked
 from gamekeeper.adapters.slot_views import put
 from gamekeeper.adapters.tianshou.tianshou_agents import TianshouAgents
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.interface.joint_policy import Choices
 from gamekeeper.vector.vector_form import changed
 
@@ -337,14 +337,7 @@ def vector_env(
         SpecError: see *refused*.
         ContractError: the audit found that the environment breaks its contract.
     """  # noqa: E501  # a row of a table is one line
-    if algorithms not in SHARES:
-        raise SpecError(
-            "there is no such share",
-            where="algorithms",
-            expected=" or ".join(SHARES),
-            actual=repr(algorithms),
-            fix="algorithms='one', 'role' or 'agent'",
-        )
+    check_choice(algorithms, SHARES, "there is no such share", where="algorithms")
     checked(spec, check, env_kwargs=env_kwargs)
     slots = TianshouAgents(
         spec, num_envs, role=role, others=others, seed=seed, env_kwargs=env_kwargs, **options

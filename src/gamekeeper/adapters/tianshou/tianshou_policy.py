@@ -9,12 +9,14 @@ import torch
 from tianshou.data import Batch, to_numpy
 from tianshou.utils.net.common import AbstractDiscreteActor, ModuleWithVectorOutput
 
-from gamekeeper.adapters.requirements import weights_digest
+from gamekeeper.adapters.requirements import not_learnt, weights_digest
 from gamekeeper.adapters.slot_views import zeros
 from gamekeeper.adapters.tianshou.tianshou_agents import native
 from gamekeeper.adapters.tianshou.tianshou_envs import AgentsVectorEnv
-from gamekeeper.errors import PolicyError, SpecError
-from gamekeeper.vector.vector_form import MASK
+from gamekeeper.errors import SpecError
+from gamekeeper.interface.action_mask import reader
+
+mask_of = reader(None)
 
 
 def masked(actor: Any) -> MaskedNet:
@@ -120,13 +122,7 @@ class LearntPolicy:
         slots, forms = self._env.slots, self._env.slots.forms
         names = [str(learner) for learner in slots.learners]
         if str(agent) not in names:
-            raise PolicyError(
-                f"{agent!r} isn't among the agents that learnt",
-                where="policy",
-                expected=", ".join(names),
-                actual=str(agent),
-                fix="give it another policy",
-            )
+            raise not_learnt(agent, names)
         place = names.index(str(agent))
         number = slots.number_of(slots.learners[place])
         group: Any = slots.venv.groups[number]
@@ -158,7 +154,6 @@ class LearntPolicy:
 
     def _mask(self, group: Any, observation: Any, info: Any) -> Any:
         flags = np.zeros((1, self._env.slots.forms.actions), bool)
-        given = observation.get(MASK) if isinstance(observation, dict) else None
-        given = info.get(MASK) if given is None else given
+        given = mask_of(observation, info)
         flags[0, : group.action_space.n] = True if given is None else np.asarray(given) != 0
         return flags

@@ -14,13 +14,16 @@ from tensordict import TensorDictBase
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from gamekeeper.adapters.decisions import decided
-from gamekeeper.adapters.requirements import weights_digest
+from gamekeeper.adapters.requirements import not_learnt, weights_digest
 from gamekeeper.adapters.torchrl import torchrl_specs as specs
 from gamekeeper.adapters.torchrl.torchrl_agents import TorchRLAgents
 from gamekeeper.adapters.torchrl.torchrl_env import GameEnv
 from gamekeeper.errors import PolicyError
+from gamekeeper.interface.action_mask import reader
 from gamekeeper.vector.sub_env_block import put_mask
-from gamekeeper.vector.vector_form import MASK, getter, leaves
+from gamekeeper.vector.vector_form import getter, leaves
+
+mask_of = reader(None)
 
 
 def policy(
@@ -58,13 +61,7 @@ class ActorPolicy:
         """The action of one agent."""
         each = self._group_of.get(str(agent))
         if each is None:
-            raise PolicyError(
-                f"the actor plays no agent called {agent!r}",
-                where="policy",
-                expected=", ".join(self._group_of),
-                actual=str(agent),
-                fix="give that agent another policy",
-            )
+            raise not_learnt(agent, self._group_of)
         place = [str(a) for a in each.agents].index(str(agent))
         given = self._blank.clone()
         row = given[0] if self._is_batched else given
@@ -90,10 +87,8 @@ class ActorPolicy:
                 own.get(("observation", *part.key))[place] = specs.tensor(array.copy())
         own["mask"][place] = True
         if "action_mask" in own.keys():  # noqa: SIM118  # a TensorDict
-            mask = observation.get(MASK) if isinstance(observation, dict) else None
-            legal = info.get(MASK) if mask is None else mask
             flags = np.empty(each.flags, np.int8)
-            put_mask(flags, legal)
+            put_mask(flags, mask_of(observation, info))
             own["action_mask"][place] = torch.from_numpy(flags).bool()
 
     def _action(self, each: TorchRLAgents, action: Any, place: int) -> Any:

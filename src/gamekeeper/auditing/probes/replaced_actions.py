@@ -61,14 +61,14 @@ def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         movers = _influence_movers(turn)
         agent = movers[(place + play.stream) % len(movers)]
         mask = turn.masks.get(agent)
-        found, action = _other(lab, agent, turn.actions[agent], mask, turn.index)
+        found, action = other(lab, agent, turn.actions[agent], mask, turn.index)
         if not found:
             continue
         later = _later(lab)
         # in AEC what comes of the last step is only seen by whoever is asked next
         cut = (base.play.actions or ())[: turn.index + 1 + later + (lab.api == "aec")]
         trial = replace(base, play=replace(base.play, actions=cut, most_turns=len(cut)))
-        change = ReplacedAction(turn.index, _own(base, agent), action)
+        change = ReplacedAction(turn.index, own_name(base, agent), action)
         counterfactual = lab.counterfactual(trial, unchanged_rerun, change, env, state=False)
         legal_for = _legal_for(lab, counterfactual.trace, turn.index, later)
         yield replace(
@@ -99,7 +99,7 @@ def _influence_movers(turn: Turn) -> list[str]:
     return [agent for agent in turn.order if turn.actions.get(agent) is not None]
 
 
-def _other(lab: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:
+def other(lab: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:
     """Another legal action, if one is found."""
     spec = lab.agents.get(agent)
     space = None if spec is None else spec.action_space
@@ -191,10 +191,10 @@ def _alternatives_movers(
     found: dict[str, MoverTrial] = {}
     cut = (base.play.actions or ())[: turn.index + 1]
     short = replace(base.play, actions=cut, most_turns=len(cut))
-    for agent, then in _last_acts(base.trace, turn.index).items():
+    for agent, then in last_acts(base.trace, turn.index).items():
         tried, instead = 0, None
-        for action in _others(lab, agent, then):
-            change = ReplacedAction(then.index, _own(base, agent), action)
+        for action in others(lab, agent, then):
+            change = ReplacedAction(then.index, own_name(base, agent), action)
             counterfactual = lab.play(short, env, change=change, state=False)
             if counterfactual.failed is not None:
                 continue
@@ -207,7 +207,7 @@ def _alternatives_movers(
     return found
 
 
-def _last_acts(trace: Episode, turn: int) -> dict[str, Turn]:
+def last_acts(trace: Episode, turn: int) -> dict[str, Turn]:
     """The last turn at which each agent acted, no later than `turn`."""
     found: dict[str, Turn] = {}
     for each in trace.turns:
@@ -217,7 +217,8 @@ def _last_acts(trace: Episode, turn: int) -> dict[str, Turn]:
     return found
 
 
-def _others(lab: ProbeSession, agent: str, turn: Turn) -> list[Any]:
+def others(lab: ProbeSession, agent: str, turn: Turn) -> list[Any]:
+    """Other legal actions of the agent at that turn, a few; none where they aren't Discrete."""
     spec = lab.agents.get(agent)
     space = None if spec is None else spec.action_space
     if not isinstance(space, Discrete):
@@ -227,7 +228,7 @@ def _others(lab: ProbeSession, agent: str, turn: Turn) -> list[Any]:
     return [space.dtype.type(each) for each in islice(others, ALTERNATIVES)]
 
 
-def _own(base: EpisodeResult, name: str) -> Any:
+def own_name(base: EpisodeResult, name: str) -> Any:
     """The agent as the environment calls it."""
     known = (agent for each in base.play.actions or () for agent in each)
     return next((agent for agent in known if agent_name(agent) == name), name)

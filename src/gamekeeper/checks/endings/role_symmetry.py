@@ -146,7 +146,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     'sets them apart: symmetric = false, or conflicts = "priority"',
     confidence=0.99,
     applies=_declared,
-    looks_at="a role of two agents or more that the contract declares symmetric",
+    looks_at="six episodes or more that two agents or more of a symmetric role begin",
 )
 def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Agents of a role that is declared symmetric are interchangeable: names don't decide.

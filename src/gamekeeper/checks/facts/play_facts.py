@@ -124,6 +124,30 @@ class OrderOutcome:
 
 
 @dataclass(frozen=True, slots=True)
+class PaymentTime:
+    """Tick that decides an unusual reward.
+
+    Attributes:
+        agent: the payee.
+        amount: paid beyond what the agent gets in most steps.
+        tried: turn, agent and action of each alternative in the tick of the payment.
+        is_on_time: the last of these changes the payment.
+        decided: turn, agent and action of one in the tick before that changes it, where none of
+            the payment's own tick does; None: none was found.
+        shown: numbers of the payee's next observation that this one moves.
+        after: numbers that it moves in the observation after the payment.
+    """
+
+    agent: str
+    amount: float
+    tried: tuple[tuple[int, str, Any], ...]
+    is_on_time: bool = False
+    decided: tuple[int, str, Any] | None = None
+    shown: frozenset[int] = frozenset()
+    after: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
 class Payment:
     """A payment of a declared term that was looked into.
 

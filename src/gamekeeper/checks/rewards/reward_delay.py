@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import MEDIUM, Case, check
 from gamekeeper.checks.effects import by_turn, changed_numbers
+from gamekeeper.checks.facts.play_facts import PaymentTime
 from gamekeeper.checks.literal import literal
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
+from gamekeeper.checks.probe_evidence import Fact, ProbeCounterfactual, ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Turn
 from gamekeeper.episodes.where import Where
@@ -23,8 +24,22 @@ PART_LEAST = 10
 """The same where some rewards come at once: the rest must be seen to be late more often."""
 PART = 0.5
 """Part of all that shows at once that moves the next reward; of a sparse one it is a tenth."""
+RARE_LEAST = 4
+"""Payments of one size that must be seen to be late, and none on time."""
+ALIKE = 1.3
+"""Ratio of two sizes that are still about one."""
 STEADY = 3
 """Numbers of an observation that lag behind so often do so by the rules."""
+REWARDS: Final = (
+    "def rewards(actions):\n"
+    "    env, paid = make(), []\n"
+    "    env.reset(seed=SEED)\n"
+    "    for each in actions:\n"
+    "{play}"
+    "    return paid\n"
+    "\n"
+)
+"""Lines of a program that play, with `play` as the step and what it pays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +62,13 @@ class _Trial:
 
 @check(
     "GK411",
-    needs=("influence",),
+    needs=("influence", "payment_times"),
     severity=MEDIUM,
     fix="compute the rewards after the moves of the tick, from the state that the observations "
     "of the same step show",
     confidence=0.9,
-    looks_at="an action that, replaced alone, moves a reward of its own step, or five that move "
-    "the next one: a larger --budget tries more",
+    looks_at="an action that, replaced alone, moves a reward of its own step, five that move the "
+    "next one, or four unusual rewards of one size: a larger --budget tries more",
 )
 def rewards_come_with_the_tick_that_earns_them(
     contract: Contract, evidence: ProbeEvidence
@@ -78,6 +93,12 @@ def rewards_come_with_the_tick_that_earns_them(
     and at most a quarter as many move one of their own step. A rare event that takes two actions
     doesn't: hardly any action decides it.
 
+    A rare reward, a bonus or a penalty, is followed back by itself: where at least four of one
+    size were looked into, none that any agent could have changed in its own tick (AEC: by its last
+    turn), and all but a fifth decided in the tick before. A delay that is the game's rule isn't
+    called broken, as far as observations tell it: a number that announces the payment and is back
+    afterwards, or one that moves with it.
+
     Bad:
 
         rewards = {a: self.reward(a) for a in self.agents}
@@ -92,6 +113,8 @@ def rewards_come_with_the_tick_that_earns_them(
     """
     for part in _parts(evidence):
         yield from _judged(evidence, part)
+    for alike in _by_size(evidence.facts(PaymentTime)):
+        yield from _rare(evidence.api, alike)
 
 
 def _parts(evidence: ProbeEvidence) -> tuple[str | None, ...]:
@@ -209,6 +232,88 @@ def _pays_different_amounts_at_first(evidence: ProbeEvidence, part: str | None) 
     return len(amounts) > 1
 
 
+def _by_size(facts: Sequence[Fact[PaymentTime]]) -> Iterator[Sequence[Fact[PaymentTime]]]:
+    """Unusual payments of one sign and about one size, from small to large."""
+    for is_positive in (True, False):
+        group: list[Fact[PaymentTime]] = []
+        of_sign = [each for each in facts if (each.value.amount > 0) == is_positive]
+        for fact in sorted(of_sign, key=lambda each: abs(each.value.amount)):
+            if group and abs(fact.value.amount) > ALIKE * abs(group[-1].value.amount):
+                yield group
+                group = []
+            group.append(fact)
+        yield group
+
+
+def _rare(api: str, facts: Sequence[Fact[PaymentTime]]) -> Iterator[Case]:
+    """Cases of unusual payments of one size: on time, or one tick late, all of them."""
+    late = [fact for fact in facts if fact.value.decided is not None]
+    on_time = [fact for fact in facts if fact.value.is_on_time]
+    for fact in on_time:
+        yield _rare_case(fact, ok=True, api=api)
+    if on_time or len(late) < RARE_LEAST or len(late) < PROMPT * len(facts):
+        return
+    told = [fact.value.shown - fact.value.after for fact in late]
+    with_it = [fact.value.after - fact.value.shown for fact in late]
+    if _steady(told, len(late)) or _steady(with_it, len(late)):
+        return
+    if sum(bool(fact.value.shown) for fact in late) < PROMPT * len(late):
+        return
+    for fact in late:
+        yield _rare_case(fact, ok=False, api=api)
+
+
+def _steady(places: Sequence[frozenset[int]], of: int) -> bool:
+    """Tells whether one number is among almost all of them."""
+    return any(
+        sum(place in each for each in places) >= PROMPT * of for place in frozenset().union(*places)
+    )
+
+
+def _rare_case(fact: Fact[PaymentTime], *, ok: bool, api: str) -> Case:
+    value, turn = fact.value, fact.where.turn
+    mover = value.agent if value.decided is None else value.decided[1]
+    at = turn if value.decided is None else value.decided[0]
+    return Case(
+        fact.where,
+        ok,
+        "an unusual reward is decided by the actions of its own tick",
+        f"{value.agent!r} is paid {value.amount:g} more than usual at turn {turn}, which none of "
+        f"{len(value.tried)} other actions of that tick changes; one of {mover!r} at turn {at} "
+        "does",
+        proof=None if ok else _rare_proof(fact, api),
+    )
+
+
+def _rare_proof(fact: Fact[PaymentTime], api: str) -> Reproducer:
+    value, paid = fact.value, fact.where.turn or 0
+    then, mover, action = value.decided or (0, "", None)
+    if api == "parallel":
+        play = "        paid.append(dict(env.step(each)[1]))\n"
+        replace = "    other[turn] = {**other[turn], agent: action}\n"
+    else:
+        play = (
+            "        env.last()\n        env.step(each)\n        paid.append(dict(env.rewards))\n"
+        )
+        replace = "    other[turn] = action\n"
+    return Reproducer(
+        f"{REWARDS.format(play=play)}"
+        "def change(turn, agent, action):\n"
+        f"    other = list(ACTIONS[:{paid + 1}])\n"
+        f"{replace}"
+        f"    pair = rewards(ACTIONS[:{paid + 1}])[-1], rewards(other)[-1]\n"
+        f"    return abs(pair[0].get({value.agent!r}, 0.0) - pair[1].get({value.agent!r}, 0.0))\n"
+        "\n"
+        f"own_tick = {literal(list(value.tried))}\n"
+        "changes = [change(*each) for each in own_tick]\n"
+        f"late = change({then}, {mover!r}, {literal(action)})\n"
+        f"enough = {abs(value.amount) / 2!r}\n"
+        'assert max(changes) >= enough or late < enough, "the reward comes one tick late"',
+        plays=False,
+        compares=True,
+    )
+
+
 def _case(trial: _Trial, *, ok: bool, api: str, part: str | None) -> Case:
     change = trial.counterfactual.change
     agent, turn = str(change["agent"]), int(change["turn"])
@@ -233,15 +338,9 @@ def _proof(agent: str, turn: int, action: Any, part: str | None) -> Reproducer:
     if part is not None:
         paid = f"{{str(a): t.get({part!r}, 0.0) for a, t in env.unwrapped.terms.items()}}"
     step = "" if part is None else "        env.step(each)\n"
+    play = f"{step}        paid.append({paid})\n"
     return Reproducer(
-        "def rewards(actions):\n"
-        "    env, paid = make(), []\n"
-        "    env.reset(seed=SEED)\n"
-        "    for each in actions:\n"
-        f"{step}"
-        f"        paid.append({paid})\n"
-        "    return paid\n"
-        "\n"
+        f"{REWARDS.format(play=play)}"
         f"other = [dict(each) for each in ACTIONS]\n"
         f"other[{turn}][{agent!r}] = {literal(action)}\n"
         "one, two = rewards(ACTIONS), rewards(other)\n"

@@ -72,6 +72,18 @@ def masks(contract: Contract, evidence: ProbeEvidence) -> Iterator[GivenMask]:
                         yield GivenMask(trace, turn, agent, place, known[agent], mask)
 
 
+def without_masks(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    """Says that no agent is given a mask anywhere; None where one is, or nothing was played."""
+    is_played = any(trace.turns for trace in evidence["rollout"])
+    if (
+        not is_played
+        or _none_declared(contract, evidence) is None
+        or any(masks(contract, evidence))
+    ):
+        return None
+    return "no agent is given an action mask"
+
+
 def mask_of(contract: Contract, turn: Turn, agent: str) -> Any:
     """The mask that holds for an agent; None where it may do everything."""
     seen, info = turn.observations.get(agent), turn.infos.get(agent)
@@ -154,6 +166,7 @@ def mask_lines(api: str, agent: str, place: str) -> str:
     needs=("rollout", "spaces"),
     severity=HIGH,
     fix="give a mask with one number for each action of the agent's action space",
+    applies=without_masks,
     looks_at="an agent with an action mask",
 )
 def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
@@ -189,6 +202,7 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> I
     needs=("rollout", "spaces"),
     severity=MEDIUM,
     fix="give masks as np.int8 arrays of 0 and 1: mask.astype(np.int8)",
+    applies=without_masks,
     looks_at="an agent with an action mask",
 )
 def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
@@ -247,6 +261,7 @@ def _fault_of(mask: Any) -> str | None:
     needs=("rollout", "spaces"),
     severity=HIGH,
     fix="allow an action that does nothing, end the agent, or don't let it be its turn",
+    applies=without_masks,
     looks_at="an agent with an action mask",
 )
 def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
@@ -288,6 +303,7 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterat
     needs=("rollout",),
     severity=HIGH,
     fix="make the mask once and put it into both places, or into one of them only",
+    applies=without_masks,
     looks_at="an agent with a mask in its info and another in its observation",
 )
 def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:

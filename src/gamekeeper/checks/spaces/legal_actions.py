@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
+
+import numpy as np
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
@@ -13,7 +15,14 @@ from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.play_facts import RaisedCall
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
-from gamekeeper.checks.spaces.action_masks import is_legal, mask_of, stands_elsewhere
+from gamekeeper.checks.spaces.action_masks import (
+    fits,
+    is_legal,
+    mask_of,
+    mask_parts,
+    stands_elsewhere,
+    without_masks,
+)
 from gamekeeper.checks.spaces.observation_values import spaces_of
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
@@ -26,6 +35,7 @@ class LegalTurn:
     Attributes:
         agent: the agent that acted; None of a Parallel step, in which all act.
         is_masked: a mask said to one of them what is legal.
+        is_bound: such a mask forbade something.
         raised: what the step raised, in words; None where it was accepted.
     """
 
@@ -33,6 +43,7 @@ class LegalTurn:
     turn: Turn
     agent: str | None
     is_masked: bool
+    is_bound: bool
     raised: str | None
 
 
@@ -57,9 +68,10 @@ def legal_turns(contract: Contract, evidence: ProbeEvidence) -> Iterator[LegalTu
                 if any(stands_elsewhere(known.get(each), turn, each) for each in acting):
                     break
                 said = raised if turn.raised else None
-                masked = any(mask is not None for mask in masks.values())
+                given = {agent: mask for agent, mask in masks.items() if mask is not None}
+                bound = any(_forbids(known.get(agent), mask) for agent, mask in given.items())
                 agent = acting[0] if evidence.api == "aec" else None
-                yield LegalTurn(trace, turn, agent, masked, said)
+                yield LegalTurn(trace, turn, agent, bool(given), bound, said)
 
 
 def _plays(known: dict[str, Any], turn: Turn, agent: str, mask: Any) -> bool:
@@ -98,6 +110,18 @@ def illegal_proof(api: str, turn: int | None, value: TriedAction, then: str) -> 
         f"{then}",
         plays=False,
     )
+
+
+def _forbids(space: Any, mask: Any) -> bool:
+    """Tells whether a mask of the space's form forbids an action."""
+    if space is None or fits(space, mask) is not None:
+        return True
+    return not all(np.all(part) for part in mask_parts(space, mask))
+
+
+def _may_blame_masks(turns: Sequence[LegalTurn]) -> bool:
+    """Tells whether a step was accepted or a mask forbade something; else `step` takes nothing."""
+    return any(each.raised is None or each.is_bound for each in turns)
 
 
 PROOF = "# nothing more: a step above raised, and every action in it is one of its action space"
@@ -140,8 +164,10 @@ def actions_of_the_space_are_accepted(
                 evidence.api, fact.where.turn, fact.value, "assert error is None, error"
             ),
         )
-    for taken in legal_turns(contract, evidence):
-        if not taken.is_masked:
+    turns = list(legal_turns(contract, evidence))
+    may_blame_masks = _may_blame_masks(turns)
+    for taken in turns:
+        if not taken.is_masked or not may_blame_masks:
             yield Case(
                 taken.trace.at(taken.turn, taken.agent, "raised"),
                 taken.raised is None,
@@ -293,6 +319,7 @@ UNFINISHED: Final = (
     needs=("rollout", "spaces"),
     severity=HIGH,
     fix="make the mask from the state that the action will meet, for the agent that will act",
+    applies=without_masks,
     looks_at="a step of agents with an action mask",
 )
 def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
@@ -309,7 +336,8 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
 
         def observe(self, agent): return {..., "action_mask": self._legal_now(agent)}
     """
-    for taken in legal_turns(contract, evidence):
+    turns = list(legal_turns(contract, evidence))
+    for taken in turns if _may_blame_masks(turns) else ():
         if taken.is_masked:
             yield Case(
                 taken.trace.at(taken.turn, taken.agent, "raised"),

@@ -7,7 +7,6 @@ them, the agent does its declared noop if that is legal, else the first legal ac
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
@@ -23,7 +22,7 @@ from gamekeeper.interface.action_mask import legal_flags, reader
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.interface.policies import first_legal, noop, random
 from gamekeeper.interface.policy import AgentSlot
-from gamekeeper.rollouts.episode_loop import ActionChooser
+from gamekeeper.rollouts.episode_loop import ActionChooser, own_action
 
 Instead: TypeAlias = Literal["noop", "other"]
 """Action in place of an agent's own: none, or another legal one, drawn."""
@@ -126,7 +125,7 @@ class ActionTrack:
         swap = self.swap
         if swap is not None and swap.agent == name and swap.turn in (None, self.turn):
             action, self.swapped = self._otherwise(chooser, action, observation, info), 1
-        mine.append(own(action))
+        mine.append(own_action(action))
         self.moves.append((self.turn, name, chooser.is_noop(action)))
         return action
 
@@ -136,7 +135,7 @@ class ActionTrack:
             return self.cast.act(agent, seen, info)
         written = self.paper.actions.get(agent_name(agent), ())
         if count < len(written) and chooser.is_legal(written[count], seen, info):
-            return own(written[count])  # whoever overwrites it spoils no later film
+            return own_action(written[count])  # whoever overwrites it spoils no later film
         self.left_paper += 1
         return chooser.nothing(seen, info)
 
@@ -250,11 +249,6 @@ def _another(space: Discrete, action: Any, rng: Generator) -> Any:
         return action
     place = int(rng.integers(size - is_inside))
     return space.dtype.type(first + place + (is_inside and place >= own_place))
-
-
-def own(action: Any) -> Any:
-    """A copy of an action that can be written to; what can't be written is itself."""
-    return action if isinstance(action, int | float | str | np.generic) else copy.deepcopy(action)
 
 
 def fingerprint(value: Any) -> Any:

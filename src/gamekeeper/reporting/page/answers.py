@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gamekeeper.checks.verdict import SEVERITIES
+from gamekeeper.reporting.diagnosis_text import answer_sentence
 from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
 from gamekeeper.reporting.page.page_data import Answer, PageBlock, shown
 from gamekeeper.reporting.page.page_html import quoted
@@ -27,7 +28,9 @@ STATES: Final = {
     "failed": ("failed", "The recording failed"),
 }
 NAMED: Final = ("isolated", "joint", "ambiguous")
-"""Answers of a diagnosis that name a cause."""
+"""Answers of a diagnosis that name agents."""
+NO_AGENTS: Final = ("environment", "protocol")
+"""Answers of a diagnosis that name a cause which is no agent's own."""
 DIGITS: Final = 12
 """Characters of a digest that a sentence shows."""
 
@@ -45,7 +48,7 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         _outcome(run),
         _cause(run, documents.diagnosis),
         _lost(run, documents.pivots),
-        _weakest(run, documents.attribution),
+        _least(run, documents),
         _findings(documents.audit),
         _compared(documents.evaluation),
         _again(run),
@@ -127,20 +130,25 @@ def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _weakest(run: ShownRun, attribution: Document | None) -> Answer | None:
-    """The agent that adds least by an attribution, else the one with the lowest mean return."""
+def _least(run: ShownRun, documents: Documents) -> Answer | None:
+    """The agent that adds least by an attribution, else the one with the lowest mean return.
+
+    Returns aren't shown beside a diagnosis that names agents: the lowest is often another's.
+    """
     if len(run.figures.agents) < 2 or not len(run.figures.headers):
         return None
-    found = _least_added(attribution) or _lowest_return(run)
+    of_agents = (documents.diagnosis or {}).get("agents") or {}
+    is_named = any(each["answer"] in NAMED for each in of_agents.values())
+    found = _least_added(documents.attribution) or (None if is_named else _lowest_return(run))
     if found is None:
         return None
-    agent, text = found
+    question, agent, text = found
     place = run.figures.agents.index(agent) if agent in run.figures.agents else None
     link = {} if place is None else _worst_episode(run, place)
-    return Answer("Weakest agent", text, agent, "plain", **link)
+    return Answer(question, text, agent, "plain", **link)
 
 
-def _least_added(attribution: Document | None) -> tuple[str, str] | None:
+def _least_added(attribution: Document | None) -> tuple[str, str, str] | None:
     known = {
         agent: part["difference"]
         for agent, part in ((attribution or {}).get("agents") or {}).items()
@@ -156,10 +164,10 @@ def _least_added(attribution: Document | None) -> tuple[str, str] | None:
         else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
     )
     text = f"With {part.get('baseline') or 'a baseline'} in its place the team loses least: "
-    return agent, f"{text}{shown(part['value'])}{between}."
+    return "Adds least", agent, f"{text}{shown(part['value'])}{between}."
 
 
-def _lowest_return(run: ShownRun) -> tuple[str, str] | None:
+def _lowest_return(run: ShownRun) -> tuple[str, str, str] | None:
     """By mean return, of agents in at least half of the episodes; the most idle one beside it."""
     figures = run.figures
     counts = figures.present.sum(axis=0)
@@ -171,10 +179,10 @@ def _lowest_return(run: ShownRun) -> tuple[str, str] | None:
     low, high = min(means.values()), max(means.values())
     if np.isclose(low, high):
         text = f"All agents have one mean return, {shown(low)}, so returns don't tell"
-        return None if idle is None else (idle[0], f"{text}; {idle[1]}.")
-    place = min(means, key=lambda each: means[each])
-    text = f"Lowest mean return, {shown(low)} (highest: {shown(high)})"
-    return figures.agents[place], f"{text}; {idle[1]}." if idle else f"{text}."
+        return None if idle is None else ("Most idle", idle[0], f"{text}; {idle[1]}.")
+    agent = figures.agents[min(means, key=lambda each: means[each])]
+    text = f"Its mean return is {shown(low)} (highest: {shown(high)})"
+    return "Lowest return", agent, f"{text}; {idle[1]}." if idle else f"{text}."
 
 
 def _most_idle(run: ShownRun, places: Sequence[int]) -> tuple[str, str] | None:
@@ -209,6 +217,11 @@ def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
         **diagnosis["agents"],
     }
     named = {agent: each for agent, each in every.items() if each["answer"] in NAMED}
+    outside = [each for each in every.values() if each["answer"] in NO_AGENTS]
+    if not named and outside:
+        badge = str(outside[0]["answer"])
+        text = f"{answer_sentence(outside[0])}."
+        return Answer("Likely cause", text, badge, "failed", "#causes", "what was tested")
     if not named:
         answers = few(
             dict.fromkeys(str(each["answer"]).replace("_", " ") for each in every.values())

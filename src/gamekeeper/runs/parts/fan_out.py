@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from threading import Lock
@@ -28,7 +28,9 @@ from gamekeeper.runs.files.folder import refuse_taken, system_error
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.parts.part_plan import claim, found_merged, key_of, parts_folder, release
 from gamekeeper.runs.parts.receipts import Receipt, forget, receipt_of, receipts_of, whole_keys
+from gamekeeper.runs.replay_runner import TASK as REPLAY
 from gamekeeper.runs.worker_errors import error_in, error_of
+from gamekeeper.terminal import say
 
 # -- The parts of a plan while they are played: wanted yet, whole, failed
 
@@ -239,6 +241,8 @@ def lost(storage: Storage, key: str) -> RunError:
 # unless it turns out to be damaged when it is merged, as after a power cut.
 
 MERGE: Final = "gamekeeper.runs.parts.part_tasks:merge_task"
+CHECKED: Final = 8
+"""Episodes of a run from which on it is tried that one doesn't depend on those before it."""
 
 OnMessage = Callable[[dict[str, Any]], None]
 
@@ -253,6 +257,8 @@ class FanOut:
         found: number of them that were there before.
         deaths: number of times that a worker process died, and its task was played again.
         torn: number of parts that were damaged, and were played again.
+        depends: an episode that comes out otherwise after those before it than by itself; None:
+            the one that was tried doesn't, or none was.
     """
 
     error: GamekeeperError | None
@@ -260,6 +266,18 @@ class FanOut:
     found: int
     deaths: int
     torn: int
+    depends: int | None = None
+
+    @property
+    def note(self) -> str | None:
+        """The dependence of an episode in words, and the command that looks for its cause."""
+        if self.depends is None:
+            return None
+        return (
+            f"episode {self.depends} comes out otherwise after the episodes before it than by "
+            "itself: one process would record another run, and episodes don't replay alone; "
+            "gamekeeper audit ENV --select GK604 looks for the cause"
+        )
 
 
 def record_apart(
@@ -317,11 +335,29 @@ def record_apart(
         if not playing.whole:  # nothing to go on from: the fixed command mustn't be refused
             release(storage)
         raise
+    depends, parts = _dependence(playing, executor, out, limits), playing.kept()
     release(storage)
-    parts = playing.kept()
-    return FanOut(
-        playing.first_error(), parts, max(min(found, parts) - torn, 0), playing.deaths, torn
-    )
+    found = max(min(found, parts) - torn, 0)
+    return FanOut(playing.first_error(), parts, found, playing.deaths, torn, depends)
+
+
+def _dependence(playing: PartProgress, executor: Executor, out: Path, limits: Limits) -> int | None:
+    """An episode that comes out otherwise after those before it than by itself.
+
+    One that was recorded after others of its part is replayed by itself; where each part is one
+    episode, the second is replayed after the first.
+    """
+    plan = playing.plan
+    first = next(plan.ranges(), range(0))
+    last = max(first.stop - 1, 1)
+    is_wanted = plan.check and plan.level == "full" and not plan.frames
+    if not is_wanted or plan.episodes < CHECKED or last >= playing.stop:
+        return None
+    begin = last if len(first) > 1 else 0
+    arguments = {"path": str(out.absolute()), "env": None, "first": begin, "last": last}
+    found = _by_one(executor, REPLAY, arguments, limits, lambda _: None).value
+    recorded = load(out, check=False).header(last)["fingerprint"]
+    return last if isinstance(found, dict) and found["prints"][0] != recorded else None
 
 
 def _merge(
@@ -345,7 +381,7 @@ def _merge(
         "error": reason,
         "ended": None if first is None else first.to_json(),
     }
-    outcome = _merged(executor, arguments, take)
+    outcome = _by_one(executor, MERGE, arguments, Limits(silence_s=None), take)
     if outcome.status in ("died", "hung"):  # it may have died with its work done
         if found_merged(playing.storage, playing.plan, out) is not None:
             return [], None
@@ -359,13 +395,15 @@ def _merge(
     return (value["torn"] if isinstance(value, dict) else []), error
 
 
-def _merged(executor: Executor, arguments: dict[str, Any], take: OnMessage) -> TaskOutcome:
-    """Outcome of merging by a process of this machine; one that played has imported it all."""
+def _by_one(
+    executor: Executor, function: str, arguments: dict[str, Any], limits: Limits, take: OnMessage
+) -> TaskOutcome:
+    """Outcome of a task of a process of this machine; one that played has imported it all."""
     if not isinstance(executor, LocalExecutor):
-        return run_task(MERGE, arguments, silence_s=None, on_message=take)
-    limits = Limits(silence_s=None, attempts=1)
-    task = WorkTask("merge", MERGE, arguments)
-    answers = executor.map([task], limits=limits, on_report=lambda key, fields: take(fields))
+        return run_task(function, arguments, silence_s=limits.silence_s, on_message=take)
+    task = WorkTask("one", function, arguments)
+    once = replace(limits, attempts=1)
+    answers = executor.map([task], limits=once, on_report=lambda key, fields: take(fields))
     with stopped_after(answers) as ends:
         (done,) = ends
     return done.outcome
@@ -434,4 +472,6 @@ def rollout_apart(
         )
     if played.error is not None:
         raise played.error
+    if played.note:
+        say(played.note)
     return load(folder)

@@ -145,8 +145,10 @@ _FIELDS: Final[Mapping[str, tuple[Callable[[object], bool], str]]] = {
     "fingerprint": (_is_text, "a text"),
     "info_fingerprint": (_is_text, "a text"),
     "level": (_is_text, "a text"),
+    "most_turns": (_is_whole, "a whole number"),
     "seed": (_is_whole, "a whole number"),
     "spaces": (_is_object, "an object"),
     "state_space": (_is_object, "a space"),
+    "stopped": (_is_text, "a text"),
     "terms": (_is_texts, "a list of names"),
 }
