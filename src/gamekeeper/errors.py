@@ -17,8 +17,10 @@ GamekeeperError
 
 from __future__ import annotations
 
-import collections.abc
 import typing
+
+if typing.TYPE_CHECKING:
+    from collections.abc import Iterable
 
 
 class GamekeeperError(Exception):
@@ -104,7 +106,7 @@ class DependencyError(GamekeeperError, ImportError):
 
 def check_choice(
     value: object,
-    known: collections.abc.Iterable[str],
+    known: Iterable[str],
     what: str,
     *,
     where: str,

@@ -396,6 +396,6 @@ def test_policy_acts_as_in_the_env() -> None:
         for place, agent in enumerate(agents):
             played = [t.actions[agent] for t in trace.turns if t.actions.get(agent) is not None]
             assert played == batch[0][group, "action"][: len(played), place].tolist()
-    with pytest.raises(PolicyError, match="no agent called"):
+    with pytest.raises(PolicyError, match="isn't among the agents"):
         torchrl.policy(actor, env)(np.zeros(16), "wolf_0", {}, np.random.default_rng(0))
     env.close()

@@ -152,7 +152,7 @@ _ENDS: Final = tuple(each.name for each in fields(EpisodeEnd))
 
 
 def _plain(item: object) -> Any:
-    """What MessagePack writes in place of an item that it doesn't know."""
+    """Replacement that MessagePack writes for an item that it doesn't know."""
     if item is OBSERVED:
         return _OBSERVED
     if isinstance(item, np.bool_ | np.number):
