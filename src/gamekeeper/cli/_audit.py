@@ -408,14 +408,13 @@ def audit_task(
         The audit's document; or `environment`, `seed` and `error` where there can be none.
     """
     from gamekeeper.auditing.audit_process import audit
-    from gamekeeper.cli._screen import error_document
 
     try:
         found = audit(
             spec, seed=seed, on_probe=lambda name, place, count: report(probe=name), **options
         )
     except GamekeeperError as error:
-        return {"environment": spec, "seed": seed, "error": error_document(error)}
+        return {"environment": spec, "seed": seed, "error": error.to_json()}
     return dict(found.to_json())
 
 

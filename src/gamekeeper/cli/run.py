@@ -30,7 +30,7 @@ from gamekeeper.cli._options import (
     SeedOption,
     TimeoutOption,
 )
-from gamekeeper.cli._screen import CommandResult, Screen, error_document
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._worker import (
     Recorded,
     evidence_folder,
@@ -232,7 +232,7 @@ def audit_here(
     except GamekeeperError as error:  # recording meets it too, and keeps evidence of it
         screen.error(f"{type(error).__name__}: {error}")
         screen.show("\nAudited  given up")
-        return {"error": error_document(error)}
+        return {"error": error.to_json()}
     show_audited(screen, found, line=line)
     return found
 

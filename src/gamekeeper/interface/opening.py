@@ -184,9 +184,7 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
         )
     if len(misses) == 1:
         (miss,) = misses
-        raise SpecError(
-            miss.what, where=miss.where, expected=miss.expected, actual=miss.actual, fix=miss.fix
-        )
+        raise SpecError(**miss.parts())
     raise SpecError(
         f"no environment can be found as {shown!r}",
         actual=_looks(misses) or f"a {type(spec).__qualname__} of another form",

@@ -253,10 +253,7 @@ def bounded(env: Any, agent: AgentId, action: Any, bounds: str) -> Any:
     if action is None and (env.terminations[agent] or env.truncations[agent]):
         return action
     if not space.contains(action):
-        told = refused(agent, action, space)
-        raise BoundsError(
-            told.what, where=told.where, expected=told.expected, actual=told.actual, fix=told.fix
-        )
+        raise BoundsError(**refused(agent, action, space).parts())
     return action
 
 
