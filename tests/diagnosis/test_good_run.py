@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -12,9 +12,17 @@ from gymnasium.spaces import Box, Discrete
 
 import gamekeeper as gk
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.arms import ArmRunner
+from gamekeeper.diagnosis.difference_search import DifferenceSearch
 from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
-from gamekeeper.diagnosis.setup_differences import ABSENT, differences_of, taken_over
+from gamekeeper.diagnosis.setup_differences import (
+    ABSENT,
+    SetupDifference,
+    differences_of,
+    taken_over,
+)
+from gamekeeper.episodes.outcome import Outcome
 
 HERE = f"{__name__}:"
 
@@ -209,3 +217,26 @@ def test_what_is_known_is_noted_when_it_is_interrupted(tmp_path: Path) -> None:
 
 def _policies() -> dict[str, Any]:
     return {"policies": HERE + "opens"}
+
+
+class Scored(DifferenceSearch):
+    """A search of which each difference is worth a number of points, and no episode is played."""
+
+    worth: ClassVar = {"policy[a]": 1_000.0, "noise": 1.0}
+
+    def _scores(self, chosen: Any, seed: int, n: int) -> Any:
+        drawn = np.random.default_rng(n).normal(0.0, 0.1, n)
+        return drawn + sum(self.worth[one.name] for one in chosen)
+
+
+def test_a_remainder_that_is_tiny_makes_no_further_cause() -> None:
+    """A point of a thousand is beyond chance on paired seeds, and doesn't matter."""
+    kinds: Any = (("policy[a]", "policy"), ("noise", "argument"))
+    differences = tuple(SetupDifference(name, kind, 0, 1) for name, kind in kinds)
+    bad, runner = Setup("x"), ArmRunner(Contract())
+    found = Scored(bad, bad, differences, runner, _nothing, 0.7, 900, None, (1, 2)).run()
+    assert [[one.name for one in each] for each in found] == [["policy[a]"]]
+
+
+def _nothing(outcome: Outcome) -> float:
+    return 0.0

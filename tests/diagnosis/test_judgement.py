@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gamekeeper.diagnosis.failure_causes import _with_left_out
 from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined, undone
 from gamekeeper.diagnosis.undos import BoundaryUndo
@@ -136,3 +137,11 @@ def test_recovered_is_the_part_of_the_gap() -> None:
     unchanged, arm = (np.arange(100) < 50).astype(float), (np.arange(100) < 70).astype(float)
     assert recovered(unchanged, arm, 0.9) == pytest.approx(0.5)
     assert recovered(arm, unchanged, 0.5) == 0.0
+
+
+def test_what_was_not_tried_is_said_before_unexplained() -> None:
+    """The answer claims nothing of what the budget didn't reach."""
+    answer = found(0.1, 0.1, noise=0.15, slip=0.1)
+    why = _with_left_out(answer, ["88 of 88 undos from outside"]).why
+    assert why.startswith("not tried: 88 of 88 undos from outside; of what was, no ideal")
+    assert _with_left_out(answer, []) is answer

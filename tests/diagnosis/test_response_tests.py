@@ -106,6 +106,25 @@ def test_a_policy_that_no_seed_holds_is_not_judged() -> None:
     assert (found.lag, found.changes) == (None, 0)
 
 
+def test_memory_that_a_reset_leaves_is_said() -> None:
+    """Equal feeds in the same order agree; a change that acts before it was made shows it."""
+    calls, last = [0], [0.0]
+
+    def make(rng: np.random.Generator) -> Callable[[Any], Any]:
+        left = last[0]
+        calls[0] += 1
+
+        def act(observation: Any) -> float:
+            last[0] = 0.0 if calls[0] < 10 else float(observation[0])
+            return left
+
+        return act
+
+    found = measured(make)
+    assert (found.lag, found.changes, found.is_repeatable) == (None, 0, False)
+    assert "its reset leaves memory" in str(found)
+
+
 def test_memory_and_saturation_are_measured() -> None:
     """A running sum remembers to the end, and its actions stand at the bound."""
 

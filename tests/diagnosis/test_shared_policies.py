@@ -15,6 +15,7 @@ from gamekeeper.diagnosis.judgement import contradictions
 from gamekeeper.diagnosis.played_setup import setup_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.reporting.diagnosis_text import diagnosis_text
+from gamekeeper.runs.standing import choices_in
 
 ENV = '''
 import gamekeeper as gk
@@ -70,6 +71,7 @@ class Broken:
 
 broken = Broken()
 """
+SHARED = {"a": "alternating.py:Alternating", "b": "same:a"}
 FAILED = "return < 1"
 
 
@@ -94,16 +96,28 @@ def objects(evidence: Evidence) -> dict[str, str]:
 
 
 def test_evidence_keeps_who_shared_an_object(folder: Path) -> None:
-    """One choice for all is one object, the same text for each is one each; Python's own stay."""
+    """A text gives each agent its own object, but for `same:`; Python's own stay."""
     name = "alternating.py:Alternating"
-    assert objects(recorded(name)) == {"a": "*", "b": "*"}
-    assert objects(recorded({"a": name, "b": name})) == {"a": "a", "b": "b"}
-    assert objects(recorded({"a": name, "b": "same:a"})) == {"a": "a", "b": "a"}
+    (folder / "kept.py").write_text(f"{POLICY}\nkept = Alternating()\n")
+    for apart in (name, "kept.py:kept"):
+        assert objects(recorded(apart)) == {"a": "a", "b": "b"}
+        assert objects(recorded({"a": apart, "b": apart})) == {"a": "a", "b": "b"}
+    assert objects(recorded(SHARED)) == {"a": "a", "b": "a"}
+    assert objects(recorded({"*": name, "b": "same:*"})) == {"a": "*", "b": "*"}
 
     def one(observation: Any, agent: Any, info: Any, rng: Any) -> int:
         return 0
 
     assert objects(recorded({"a": one, "b": one})) == {"a": "a", "b": "a"}
+
+
+def test_a_run_from_before_agents_had_an_object_each_is_played_as_it_was() -> None:
+    """Who shared one then shares it again; a choice of now is kept as it was typed."""
+    entry = {"policy": "x.py:X", "version": "1", "chosen_for": "*", "object": "*"}
+    before = json.dumps({"a": entry, "b": entry})
+    assert choices_in(before) == {"*": "x.py:X", "a": "same:*", "b": "same:*"}
+    now = {x: {**entry, "object": x, "own": True} for x in "ab"}
+    assert choices_in(json.dumps(now)) == {"*": "x.py:X"}
 
 
 def test_policies_that_share_choose_again_as_they_did(folder: Path) -> None:
@@ -136,14 +150,14 @@ def _without_names() -> Evidence:
 
 def test_workers_share_as_one_process_does(folder: Path) -> None:
     """The evidence is the same for any number of workers."""
-    alone = recorded("alternating.py:Alternating")
-    fanned = recorded("alternating.py:Alternating", out="fanned", workers=2)
+    alone = recorded(SHARED)
+    fanned = recorded(SHARED, out="fanned", workers=2)
     assert fanned.fingerprint == alone.fingerprint
 
 
 def test_a_shared_policy_that_failed_fails_again(folder: Path) -> None:
     """The unchanged rerun has one object too: 20 of 20 failed, and so do fresh episodes."""
-    evidence = recorded("alternating.py:Alternating")
+    evidence = recorded(SHARED)
     found = gk.diagnose(
         evidence, failed=FAILED, perturbations=False, allow_import=True, episodes=200
     )
@@ -157,7 +171,7 @@ def test_a_shared_policy_that_failed_fails_again(folder: Path) -> None:
 
 def test_a_named_policy_contradicts_no_recorded_episode(folder: Path) -> None:
     """What another policy plays may differ from the recording; the diagnosis says who played."""
-    evidence = recorded("alternating.py:Alternating")
+    evidence = recorded(SHARED)
     options: dict[str, Any] = {"failed": FAILED, "perturbations": False, "allow_import": True}
     found = gk.diagnose(evidence, policies={"*": "first-legal"}, episodes=200, **options)
     assert found.policies == {"*": "first-legal"}
@@ -167,7 +181,7 @@ def test_a_named_policy_contradicts_no_recorded_episode(folder: Path) -> None:
 
 def test_attribution_plays_one_object_for_both(folder: Path) -> None:
     """Fresh episodes of an attribution pay what the recorded ones did."""
-    evidence = recorded("alternating.py:Alternating")
+    evidence = recorded(SHARED)
     assert gk.attribute(evidence, episodes=5, action_episodes=0).everyone == 0.0
 
 
@@ -175,7 +189,7 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Recorded 20 of 20 failed, fresh none: in text, JSON, Python and by the exit code."""
-    recorded("alternating.py:Alternating", out="run")
+    recorded(SHARED, out="run")
     (folder / "generous.py").write_text(ENV.replace("float(one == two)", "1.0"))
     options: dict[str, Any] = {"failed": FAILED, "perturbations": False, "allow_import": True}
     fair = gk.diagnose("run", env="generous.py:Agree", episodes=100, **options)

@@ -13,14 +13,22 @@ from pettingzoo import ParallelEnv
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.counterfactuals import _place
-from gamekeeper.diagnosis.judgement import _labels, is_any_scale
+from gamekeeper.diagnosis.experiment import Experiment
+from gamekeeper.diagnosis.judgement import _labels, is_any_exchange, is_any_scale
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
-from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
+from gamekeeper.diagnosis.undo_candidates import (
+    action_undos,
+    call_undos,
+    is_known_range,
+    observation_undos,
+)
 from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.divergence import Divergence
+from gamekeeper.episodes.outcome import Outcome, failures
 from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.joint_policy import assign
 from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
 from gamekeeper.rollouts.interventions.fields import acted_fields, observed_fields
 
@@ -56,6 +64,21 @@ class Spaces:
     def __init__(self, seen: Space[Any], done: Space[Any]) -> None:
         self.observation_space = lambda agent: seen
         self.action_space = lambda agent: done
+
+
+class Late:
+    """Does what it was shown two turns ago."""
+
+    queue: list[int]
+
+    def reset(self, seed: int) -> None:
+        """Begins anew."""
+        self.queue = [0, 0]
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        """What it was shown."""
+        self.queue.append(int(observation[0]))
+        return self.queue[-3]
 
 
 class Echo:
@@ -126,14 +149,43 @@ def test_actions_are_carried_out_otherwise(
 
 
 def test_calls_are_made_otherwise() -> None:
-    """A lag is settled by further calls, choices are held, of draws the commonest is taken."""
-    two = (Box(0, 1), Discrete(9))
-    _, done = passed(BoundaryUndo(("a",), "settle", amount=2.0), *two, 0, 0, acts=range(9))
-    assert done == [2, 5]
-    _, done = passed(BoundaryUndo(("a",), "hold", amount=2.0), *two, 0, 0, 0, acts=range(9))
-    assert done == [0, 0, 1]
-    _, done = passed(BoundaryUndo(("a",), "commonest", amount=3.0), *two, 0, acts=(1, 4, 4))
-    assert done == [4]
+    """A lag is settled by further calls, choices are held, of draws the commonest is taken.
+
+    The policy itself is asked once a turn whatever is undone: its memory goes on as ever.
+    """
+    spaces = Spaces(Box(0, 9, (1,)), Discrete(9))
+    for way, amount, expected in (
+        ("settle", 2.0, [5, 6, 7, 8]),
+        ("hold", 2.0, [0, 0, 5, 5]),
+        ("commonest", 3.0, [0, 0, 5, 6]),
+    ):
+        late = Late()
+        inner = assign({"a": late}, possible_agents=["a"], action_space=spaces.action_space)
+        cast = UndoneCast(inner, BoundaryUndo(("a",), way, (), amount), spaces, Contract())
+        cast.begin(0, 0)
+        assert [cast.act("a", np.array([x]), {}) for x in (5, 6, 7, 8)] == expected, way
+        assert late.queue == [0, 0, 5, 6, 7, 8]
+
+
+def test_an_undo_that_shows_values_which_never_occur_shows_nothing() -> None:
+    """A clock of 0 to 1 is mirrored below 0; of an error both signs were recorded."""
+    fields = acted_fields(Box(-5.0, 5.0, (2,)))
+    known = [np.array([error, clock]) for error in (-2.0, 0.5, 2.0) for clock in (0.2, 0.6, 1.0)]
+    clock, error = (BoundaryUndo(("a",), "mirror field", (place,)) for place in (1, 0))
+    assert not is_known_range(clock, fields, known[:3], known)
+    assert is_known_range(error, fields, known[:3], known)
+    assert is_known_range(clock, fields, (), known)
+
+
+def test_one_field_exchanged_for_different_others_has_no_label() -> None:
+    """It is only not shown as it is; one exchange alone, or two of other fields, keep theirs."""
+    one, two, three = (
+        undone(BoundaryUndo(("a",), "exchange fields", places))
+        for places in ((1, 9), (7, 9), (2, 3))
+    )
+    assert is_any_exchange([one, two])
+    assert _labels([one, two]) == ()
+    assert _labels([one, three]) == ("perception",)
 
 
 def test_an_undo_is_data_and_says_what_it_does() -> None:
@@ -335,3 +387,22 @@ def test_different_scales_that_restore_alike_show_no_error_of_units() -> None:
     assert is_any_scale([tenth, tiny])
     assert _labels([tenth]) == ("perception",)
     assert _labels([tenth, tiny]) == ()
+
+
+@pytest.mark.parametrize(
+    ("condition", "agent", "is_at_cost"),
+    [("a.return < 0", "b", True), ("a.return < 0", "a", False), ("return < 0", "b", False)],
+)
+def test_a_rival_that_plays_worse_repairs_nothing(
+    condition: str, agent: str, is_at_cost: bool
+) -> None:
+    """Where a condition is of one agent, an undo at another one mustn't cost that one's return."""
+    outcomes = {
+        "unchanged": [Outcome(returns={"a": -1.0, "b": 1.0})],
+        "undone": [Outcome(returns={"a": 1.0, "b": -1.0})],
+    }
+    runner = SimpleNamespace(of=lambda arm, seed, episodes: outcomes[arm])
+    conditions = failures(Contract(), condition)
+    experiment: Any = SimpleNamespace(runner=runner, conditions=conditions, contract=Contract())
+    one = IdealSubstitute("undone", "perception", (agent,), ())
+    assert Experiment.is_at_cost(experiment, one, 0, [0], "team") is is_at_cost

@@ -8,7 +8,14 @@ from typing import Final
 
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Tested
 from gamekeeper.diagnosis.experiment import Experiment
-from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, ScopeFinding, Tried, is_any_scale
+from gamekeeper.diagnosis.judgement import (
+    ALPHA,
+    CAUSES,
+    ScopeFinding,
+    Tried,
+    is_any_exchange,
+    is_any_scale,
+)
 from gamekeeper.diagnosis.played_setup import SetupTraits
 from gamekeeper.diagnosis.trials import (
     CUT_OFF,
@@ -104,7 +111,7 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
     if finding.answer == "protocol" and not substitutes:
         return "the cut-off of episodes before the declared horizon"
     substitutes = substitutes or [one.substitute for one in finding.tried]
-    if is_any_scale(substitutes):
+    if is_any_scale(substitutes) or is_any_exchange(substitutes):
         whose = dict.fromkeys(agent for one in substitutes for agent in one.agents)
         return f"the policy of {', '.join(whose)}, or what it makes of what it observes"
     between = " or " if finding.answer == "ambiguous" else " and "

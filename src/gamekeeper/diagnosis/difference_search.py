@@ -31,6 +31,8 @@ ALONE: Final = 24
 CONFIRM: Final = 64
 """Fresh episodes of each arm that the answer is given on."""
 ALPHA: Final = 0.05
+MATTERS: Final = 0.05
+"""The part of the gap from which what is left of it, beyond chance, is worth a further part."""
 NEAR: Final = 0.2
 """A single difference so near the part of the gap that explains is tried by itself, too."""
 
@@ -53,7 +55,7 @@ class TriedSet:
         p: of that effect, corrected for the number of sets that were tried (Holm).
         recovered: the part of the gap that it closes.
         explains: it closes the stated part beyond chance, and the good set-up is no better beyond
-            chance.
+            chance, or by less than matters.
     """
 
     names: tuple[str, ...]
@@ -175,23 +177,26 @@ class DifferenceSearch:
         if base is None or best is None or arm is None or best.mean() <= base.mean():
             return 0.0, False
         closed = float((arm.mean() - base.mean()) / (best.mean() - base.mean()))
-        is_less = paired_effect(arm, best, rng=self._rng()).low > 0
+        rest = paired_effect(arm, best, rng=self._rng())
+        is_less = rest.low > 0 and closed <= 1 - MATTERS
         return closed, closed >= self.part and not is_less
 
     def _confirmed(self, chosen: Chosen) -> tuple[SetupDifference, ...]:
         """The set without what isn't needed on fresh seeds; empty where it doesn't explain."""
-        seed, left = self.seeds[1], list(chosen)
+        left = list(chosen)
         if not self._note(left).explains:
             return ()
         for one in list(left):
             rest = [each for each in left if each is not one]
-            if (
-                rest
-                and not self._effect(rest, left, seed, CONFIRM).low > 0
-                and (self._note(rest).explains)
-            ):
+            if rest and not self._adds(one, left) and self._note(rest).explains:
                 left = rest
         return tuple(one for one in self.differences if one in left)
+
+    def _adds(self, one: SetupDifference, chosen: Chosen) -> bool:
+        """A difference closes a part of the gap that matters, beyond chance, beside the others."""
+        rest = [each for each in chosen if each is not one]
+        added = self._effect(rest, chosen, self.seeds[1], CONFIRM)
+        return added.low > 0 and added.value >= MATTERS * self.gap.value
 
     def _note(self, chosen: Chosen) -> TriedSet:
         """A set on the seeds that the answer is given on."""

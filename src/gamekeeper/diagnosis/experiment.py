@@ -33,7 +33,7 @@ from gamekeeper.diagnosis.trials import (
     over_undos,
     weakened,
 )
-from gamekeeper.episodes.outcome import Outcome, failed
+from gamekeeper.episodes.outcome import TEAM, Outcome, failed, members_of
 from gamekeeper.rollouts.interventions.perturbation import Perturbation as Strong
 
 UNCHANGED: Final = "unchanged"
@@ -388,7 +388,11 @@ class Experiment:
         seed, n = self.confirm_seed, self.confirm
         unchanged = self.successes(UNCHANGED, seed, n, scope)
         played = [one for one in (*self.substitutes, *self.pairs) if self._is_played(one.name)]
-        undos = [one for one in self.undos if self._is_played(one.name)]
+        undos = [
+            one
+            for one in self.undos
+            if self._is_played(one.name) and not self.is_at_cost(one, seed, range(n), scope)
+        ]
         one_is_all = len(self.substitutes) == 1 and bool(played)
         whole = None
         if one_is_all or self._is_played(EVERYTHING):
@@ -410,6 +414,36 @@ class Experiment:
         )
         found = replace(found, rivals=tuple(self.rivals))
         return cut_early(found, self.early_cut, self.contract.schedule.horizon)
+
+    def is_at_cost(
+        self, one: IdealSubstitute, run_seed: int, episodes: Sequence[int], scope: str
+    ) -> bool:
+        """Tells whether an undo helps others than its agents, whose own return falls by it.
+
+        Where a condition is of some agents, a rival that plays worse meets it too, and that is no
+        repair.
+        """
+        arm = self.runner.of(one.name, run_seed, episodes)
+        names = (
+            [scope]
+            if scope != TEAM
+            else [
+                name.partition(".")[0]
+                for condition in self.conditions.values()
+                for name in condition.names
+                if "." in name
+            ]
+        )
+        agents = list(arm[0].returns) if arm else []
+        judged_ones = {a for name in names for a in members_of(name, agents, self.contract)}
+        if not one.agents or not judged_ones or judged_ones & {*one.agents}:
+            return False
+        base = self.runner.of(UNCHANGED, run_seed, episodes)
+        totals = [
+            sum(each.returns.get(agent, 0.0) for each in outcomes for agent in one.agents)
+            for outcomes in (base, arm)
+        ]
+        return totals[1] < totals[0]
 
     def fresh(self, scope: str) -> tuple[int, int]:
         """Number of unchanged fresh episodes that failed for a scope, and of how many."""

@@ -39,6 +39,7 @@ from gamekeeper.diagnosis.played_setup import (
     setup_of,
     traits_of,
 )
+from gamekeeper.diagnosis.raised_policies import RaisedPolicy
 from gamekeeper.diagnosis.recorded_course import check_last
 from gamekeeper.diagnosis.trials import PerturbationArm, perturbations_of, substitutes_of
 from gamekeeper.diagnosis.undo_search import try_undos
@@ -193,7 +194,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
         )
         with runner, noted_if_interrupted(lambda: _known(experiment, options)):
             experiment.run()
-            responses = try_undos(experiment)
+            responses = try_undos(experiment, evidence.episodes)
             is_wanted = options.perturbations
             wanted = experiment.fails if is_wanted is None else is_wanted
             wanted = wanted and not experiment.is_broken_off
@@ -243,12 +244,9 @@ def _diagnosis(
     is_broken_off, raised = experiment.is_broken_off, experiment.raised
     doubts = {} if others or is_broken_off else contradictions(recorded, fresh)
     findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
+    findings = {s: _with_left_out(each, experiment.not_played) for s, each in findings.items()}
     if is_broken_off:
-        why = f"{raised[0]}; nothing was tried, as no episode shows more than that"
-        findings = {
-            scope: dataclasses.replace(each, answer="not_tried", why=why)
-            for scope, each in findings.items()
-        }
+        findings = {scope: _broken_off(each, raised[0]) for scope, each in findings.items()}
     found = _counterfactuals(evidence, experiment, findings, recorded)
     repeated = experiment.extra
     _reserve(experiment, findings)
@@ -334,6 +332,20 @@ def _reserve(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> No
     if experiment.recordings < KEPT:
         left_out = f"{KEPT - experiment.recordings} of {KEPT} recordings of each arm that restores"
         experiment.not_played.append(left_out)
+
+
+def _broken_off(finding: ScopeFinding, by: RaisedPolicy) -> ScopeFinding:
+    """The answer where a policy that raised broke off most of the failed episodes."""
+    why = f"{by}; nothing was tried, as no episode shows more than that"
+    return dataclasses.replace(finding, answer="not_tried", why=why)
+
+
+def _with_left_out(finding: ScopeFinding, not_played: Sequence[str]) -> ScopeFinding:
+    """The answer; where nothing explains a failure, what wasn't tried comes first."""
+    if finding.answer != "unexplained" or not not_played:
+        return finding
+    few = "; ".join(not_played[:3])
+    return dataclasses.replace(finding, why=f"not tried: {few}; of what was, {finding.why}")
 
 
 def _doubted(finding: ScopeFinding, doubt: Contradiction | None) -> ScopeFinding:

@@ -206,10 +206,7 @@ def _why_none(
             "no single ideal substitute restores success, and the budget was spent before several "
             "at once were played"
         )
-    return (
-        "no ideal substitute restores success, nor do all at once: the cause is nothing that could "
-        "be made ideal"
-    )
+    return "no ideal substitute restores success, nor do all at once"
 
 
 def _tried(
@@ -349,6 +346,11 @@ def _of_singles(
                     ": as several scales do alike, the units aren't shown to be wrong; what its "
                     "policy does with what it observes may be"
                 )
+            elif is_any_exchange(substitutes):
+                why += (
+                    ": as several exchanges of one field do alike, none is shown to be taken for "
+                    "another; what its policy does with that field may be wrong"
+                )
         elif len(substitutes[0].leaves) > 1:
             why += f": it is {substitutes[0].shown}, all of which is needed"
         elif not labels:
@@ -431,13 +433,28 @@ def is_any_scale(substitutes: Sequence[IdealSubstitute]) -> bool:
     return len(scales) > 1
 
 
+def is_any_exchange(substitutes: Sequence[IdealSubstitute]) -> bool:
+    """Tells whether one field may be exchanged for different others: none is taken for another.
+
+    What they share is that a field isn't shown as it is, which may set a fault off.
+    """
+    undos = [one.undo for one in substitutes if one.undo is not None]
+    pairs = {(each.agents, frozenset(each.places)) for each in undos if each.way == EXCHANGE}
+    return any(
+        one[0] == two[0] and one[1] != two[1] and one[1] & two[1] for one in pairs for two in pairs
+    )
+
+
 def _labels(substitutes: Any) -> tuple[str, ...]:
+    if is_any_exchange(substitutes):
+        substitutes = [one for one in substitutes if one.undo is None or one.undo.way != EXCHANGE]
     if is_any_scale(substitutes):
         substitutes = [one for one in substitutes if one.undo is None or one.undo.way not in SCALES]
     named = {label for substitute in substitutes for label in substitute.labels}
     return tuple(label for label in LABELS if label in named)
 
 
+EXCHANGE: Final = "exchange fields"
 SCALES: Final = ("rescale fields", "normalize fields")
 """Undos that scale what an agent observes."""
 SURE: Final = 0.01

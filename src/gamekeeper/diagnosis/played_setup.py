@@ -470,6 +470,17 @@ class _Forgetful:
         self._cast.begin(run_seed, episode)
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
+        self._forget(agent)
+        return self._cast.act(agent, observation, info)
+
+    def asked_on(self, agent: Any, observation: Any, info: Any, times: int) -> Any:
+        self._forget(agent)
+        return self._cast.asked_on(agent, observation, info, times)
+
+    def asked_anew(self, agent: Any, observation: Any, info: Any, times: int) -> list[Any]:
+        self._forget(agent)
+        return list(self._cast.asked_anew(agent, observation, info, times))
+
+    def _forget(self, agent: Any) -> None:
         if agent_name(agent) in self._agents:
             reset_policy(self._cast.chosen_for(agent).policy, self._seed)
-        return self._cast.act(agent, observation, info)

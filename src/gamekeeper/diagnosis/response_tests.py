@@ -57,6 +57,8 @@ class ResponseTest:
         deaf: fields whose changes were never followed by another action.
         sensitivity: by field, the part of its changes that were.
         saturation: part of the Box numbers of its actions that stand at a bound; None: no Box.
+        left_over: shows that its reset leaves memory, so that feeds aren't independent; empty: no
+            sign of it. Nothing that feeds were compared for is told then.
     """
 
     changes: int
@@ -69,6 +71,7 @@ class ResponseTest:
     sensitivity: Mapping[str, float]
     saturation: float | None
     failures: int = 0
+    left_over: str = ""
 
     @property
     def lag(self) -> int | None:
@@ -94,6 +97,8 @@ class ResponseTest:
         return html_text(str(self))
 
     def __str__(self) -> str:
+        if self.left_over:
+            return f"can't be tested: {self.left_over}"
         if not self.is_repeatable:
             return "can't be tested: the same observations and draws give other actions"
         if self.failures and not self.changes:
@@ -162,6 +167,12 @@ def response_test(
         except (ActionError, PolicyError):  # no observation of the environment's, so no fault
             failures += 1
             continue
+        if differing and differing[0] < at:  # before the change, so by what earlier feeds left
+            left_over = (
+                f"its reset leaves memory: decision {differing[0]} came out otherwise in a feed "
+                f"that differs from decision {at} on"
+            )
+            return ResponseTest(0, 0, False, 0.0, {}, 0, (), {}, None, left_over=left_over)
         tried[str(field)] += 1
         if differing:
             lags[differing[0] - at] += 1

@@ -15,7 +15,7 @@ import numpy as np
 
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
-from gamekeeper.diagnosis.undos import BoundaryUndo
+from gamekeeper.diagnosis.undos import BoundaryUndo, passed_with
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 
@@ -30,6 +30,8 @@ FACTORS: Final = (0.5, 2.0, 0.1, 10.0, 1 / 255, 255.0)
 drives every action to its bound, which may do for a success."""
 MOST_LAG: Final = 20
 """Decisions up to which a policy's slowest reactions are settled."""
+UNKNOWN: Final = 0.5
+"""Part of the shown values that may lie outside of what was recorded of a field."""
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
 Candidate: TypeAlias = tuple[int, BoundaryUndo]
@@ -148,10 +150,45 @@ def _has_middle(field: NumberField) -> bool:
     return bool(np.isfinite(field.low) == np.isfinite(field.high)) and field.low != field.high
 
 
+def is_known_range(
+    undo: BoundaryUndo, fields: Sequence[NumberField], own: Sequence[Any], known: Sequence[Any]
+) -> bool:
+    """Tells whether an undo shows an agent values as they occur in its fields.
+
+    Where it doesn't, as of a clock that is mirrored below 0, what it restores shows no fault of
+    perception: the policy may only be kept from what sets its fault off. Exchanged and rescaled
+    fields may well leave what was recorded of a failing agent; where a declared bound was reached,
+    all within the bounds may occur.
+
+    Args:
+        own: recorded observations of the agents that it is for.
+        known: those of all agents with their space.
+    """
+    if undo.way not in ("mirror field", "turn fields") or not own:
+        return True
+    shown = [*map(passed_with(undo, fields, is_action=False), own)]
+    for field in (fields[place] for place in undo.places):
+        there = _numbers(field, known)
+        now = _numbers(field, shown)
+        if not there.size or there.min() <= field.low or there.max() >= field.high:
+            continue
+        if np.mean((now < there.min()) | (now > there.max())) > UNKNOWN:
+            return False
+    return True
+
+
+def _numbers(field: NumberField, observations: Sequence[Any]) -> Any:
+    read = [field.read(each) for each in observations]
+    return np.array([number for number in read if number is not None], np.float64)
+
+
 def candidates_of(
-    stage: OpenSetup, responses: Mapping[str, ResponseTest], agents: Sequence[str]
+    stage: OpenSetup,
+    responses: Mapping[str, ResponseTest],
+    agents: Sequence[str],
+    seen: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[BoundaryUndo]:
-    """The undos of single agents and of agents that one policy object plays, likely ones first.
+    """The undos of single agents and of agents that one policy plays, likely ones first.
 
     Agents take turns, so that those of one with few aren't put off by another's many.
 
@@ -159,26 +196,37 @@ def candidates_of(
         stage: the set-up as it is.
         responses: response tests of its policies; of agents without one nothing is left out.
         agents: those that are tried.
+        seen: recorded observations by agent; undos that show others are left out.
     """
     ranked: list[tuple[int, int, BoundaryUndo]] = []
     for number, group in enumerate(_groups(stage, agents)):
-        likely = sorted(_of_group(stage, group, responses), key=lambda each: each[0])
+        likely = sorted(_of_group(stage, group, responses, seen or {}), key=lambda each: each[0])
         ranked += [(place, number, undo) for place, (_, undo) in enumerate(likely)]
     return [undo for *_, undo in sorted(ranked, key=lambda each: each[:2])]
 
 
 def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
-    """Each agent, and agents with equal spaces that one object plays, together."""
+    """Each agent, and agents with equal spaces that one policy plays, together."""
     together: dict[str, list[str]] = {}
     for agent in agents:
         spaces = (observation_space(stage.env, agent), action_space(stage.env, agent))
-        together.setdefault(f"{stage.cast.object_of(agent)} {spaces}", []).append(agent)
+        named = stage.cast.chosen_for(agent)
+        together.setdefault(f"{named.name} {named.version} {spaces}", []).append(agent)
     several = [tuple(group) for group in together.values() if len(group) > 1]
     return [*several, *((agent,) for agent in agents)]
 
 
+def _like(stage: OpenSetup, agent: str, seen: Mapping[str, Sequence[Any]]) -> list[str]:
+    """The agents with an agent's observation space, of which observations are known."""
+    space = str(observation_space(stage.env, agent))
+    return [one for one in seen if str(observation_space(stage.env, one)) == space]
+
+
 def _of_group(
-    stage: OpenSetup, group: tuple[str, ...], responses: Mapping[str, ResponseTest]
+    stage: OpenSetup,
+    group: tuple[str, ...],
+    responses: Mapping[str, ResponseTest],
+    seen: Mapping[str, Sequence[Any]],
 ) -> Iterator[Candidate]:
     known = [responses[agent] for agent in group if agent in responses]
     tests = [each for each in known if each.is_repeatable]
@@ -191,6 +239,10 @@ def _of_group(
     if observed is not None:
         deaf = [frozenset(each.deaf) for each in tests] or [frozenset[str]()]
         fields = observed_fields(stage.contract, group[0], observed)
-        yield from observation_undos(group, fields, frozenset.intersection(*deaf))
+        own = [each for agent in group for each in seen.get(agent, ())]
+        known = [each for agent in _like(stage, group[0], seen) for each in seen[agent]]
+        for tier, undo in observation_undos(group, fields, frozenset.intersection(*deaf)):
+            if is_known_range(undo, fields, own, known):
+                yield tier, undo
     if acted is not None:
         yield from action_undos(group, acted_fields(acted))

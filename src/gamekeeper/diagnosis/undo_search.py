@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from typing import Final
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice, pairwise
+from typing import Any, Final
 
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
 from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing
@@ -17,14 +17,19 @@ from gamekeeper.diagnosis.message_channels import (
     deliveries,
 )
 from gamekeeper.diagnosis.played_setup import OpenSetup
-from gamekeeper.diagnosis.response_tests import ResponseTest
+from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
 from gamekeeper.diagnosis.responses import responses_of
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import candidates_of
+from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.interventions.fields import acted_fields
 from gamekeeper.rollouts.interventions.perturbation import action_space
 
+RECORDED: Final = 10
+"""Recorded episodes that tell which values occur."""
+EACH: Final = 40
+"""Observations of an agent that are looked at in each of them, at most."""
 FED: Final = 2
 """Episodes whose observations the response tests feed."""
 ROUNDS: Final = (2, 4, 7, 10)
@@ -41,13 +46,14 @@ UNDONE: Final = 0.75
 """The part of what is left of the budget that undos get."""
 
 
-def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
+def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[str, ResponseTest]:
     """Tries undos and peers' policies where it fails and no label was found, within the budget.
 
     Where a peer's policy clearly restores in an agent's place, undos are tried at that agent alone.
 
     Args:
         experiment: it has run; gets the undos that were confirmed.
+        episodes: recorded ones; the first few tell the values that occur in a field.
     Returns:
         Response tests by agent, which left out the undos that they contradict; empty where no undo
         was wanted.
@@ -74,7 +80,10 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
         ranked = _ranked(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
         replaced = {one.agents[0] for one, share in ranked.items() if share >= RIVAL}
         undos = candidates_of(
-            stage, responses, [a for a in agents if a in replaced or not replaced]
+            stage,
+            responses,
+            [a for a in agents if a in replaced or not replaced],
+            _seen([*fed, *islice(episodes, RECORDED)], named),
         )
         axes = {
             agent: len(acted_fields(space))
@@ -87,6 +96,19 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
     candidates = [*experiment.undos, *touched]
     search(experiment, candidates, failing, scopes)
     return responses
+
+
+def _seen(episodes: Sequence[Episode], agents: Sequence[str]) -> dict[str, list[Any]]:
+    """Observations of agents' decisions, some of each episode."""
+    return {
+        agent: [
+            observation
+            for episode in episodes
+            for feed in [feed_of(episode, agent, most=len(episode))]
+            for observation, _ in feed[:: len(feed) // EACH + 1]
+        ]
+        for agent in agents
+    }
 
 
 def _channels(experiment: Experiment, agents: Sequence[str]) -> tuple[MessageChannel, ...]:
@@ -257,9 +279,13 @@ def _ranked(
     shares: dict[IdealSubstitute, tuple[float, float]] = {}
     for one in played:
         outcomes = runner.of(one.name, seed, episodes)
+        repaired = [s for s in scopes if not experiment.is_at_cost(one, seed, episodes, s)]
         share = max(
-            sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
-            for scope in scopes
+            (
+                sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
+                for scope in repaired
+            ),
+            default=0.0,
         )
         shares[one] = share, sum(each.team_return for each in outcomes)
     return {one: shares[one][0] for one in sorted(played, key=lambda one: shares[one])[::-1]}

@@ -61,8 +61,8 @@ class BoundaryUndo:
             and `exchange actions` the field or axis and the two values; of `deliver messages` the
             fields, then as many axes of the speaker's action.
         amount: factor of `rescale`, quarter turns of `turn`, lower end of the range up to 1 of
-            `normalize`, values of `shift`, further calls of `settle`, turns of `hold`, draws of
-            `commonest`.
+            `normalize`, values of `shift`, further calls of `settle`, turns of `hold` (its policy
+            is asked at each of them), draws of `commonest`.
         names: of the places, for people; of `deliver messages` the speaker.
     """
 
@@ -173,19 +173,21 @@ class UndoneCast:
         return done if is_own or boundary.offer.allows(done) else boundary.offer.stand_in(action)
 
     def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
-        undo, act = self._undo, self._cast.act
+        """The action; the policy itself is asked once a turn, so that its memory goes on as ever.
+
+        What it would say if it were asked again is asked of copies.
+        """
+        undo, times = self._undo, int(self._undo.amount)
         if undo.way == "settle":
-            for _ in range(int(undo.amount)):
-                act(agent, observation, info)
+            return self._cast.asked_on(agent, observation, info, times + 1)
         if undo.way == "commonest":
-            return _commonest([act(agent, observation, info) for _ in range(int(undo.amount))])
+            return _commonest(self._cast.asked_anew(agent, observation, info, times))
+        action = self._cast.act(agent, observation, info)
         if undo.way == "hold":
-            count, action = self._held.get(agent, (0, None))
-            if count % int(undo.amount) == 0:
-                action = act(agent, observation, info)
+            count, held = self._held.get(agent, (0, None))
+            action = held if count % times else action
             self._held[agent] = (count + 1, action)
-            return action
-        return act(agent, observation, info)
+        return action
 
 
 class MessageWay:
@@ -257,9 +259,9 @@ def _boundary(undo: BoundaryUndo, env: Any, contract: Contract, agent: AgentId) 
     seen: Passed = _same
     done: Passed = _same
     if undo.way in OBSERVATION and observed is not None:
-        seen = _passed(undo, observed_fields(contract, agent, observed), is_action=False)
+        seen = passed_with(undo, observed_fields(contract, agent, observed), is_action=False)
     if undo.way in ACTION and acted is not None:
-        done = _passed(undo, acted_fields(acted), is_action=True)
+        done = passed_with(undo, acted_fields(acted), is_action=True)
     return _Boundary(seen, done, offer_of(contract, env, agent))
 
 
@@ -267,7 +269,7 @@ def _same(value: Any) -> Any:
     return value
 
 
-def _passed(undo: BoundaryUndo, fields: Sequence[NumberField], *, is_action: bool) -> Passed:
+def passed_with(undo: BoundaryUndo, fields: Sequence[NumberField], *, is_action: bool) -> Passed:
     """The function that writes other numbers at the places of an undo."""
     places = undo.places[:1] if undo.way in VALUES else undo.places
     chosen = [fields[place] for place in places] if places else list(fields)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import copy
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, Final, TypeAlias
 
 from gymnasium.spaces import Space
@@ -25,6 +26,7 @@ from gamekeeper.interface.policy import (
     SlotPolicy,
     Start,
     guarded_seat,
+    is_schemed,
     raised,
     reset_policy,
     resolve,
@@ -77,6 +79,7 @@ def assign(
         _check_known(chosen, known | set(role_names))
     cast = JointPolicy(
         chosen,
+        apart=_apart(policies, chosen),
         action_space=action_space,
         roles=role_of,
         noop=noop_of,
@@ -114,6 +117,37 @@ def _resolved(policies: Choices) -> dict[str, Chosen]:
     return chosen
 
 
+def _apart(policies: Choices, chosen: Mapping[str, Chosen]) -> frozenset[str]:
+    """The places whose agents have an object each: named by a text, and not shared by `same:`.
+
+    A function is one for all, and so is what can't be copied, a Python object that was handed in,
+    and a trainer's model without a `reset`.
+    """
+    whole = policies if isinstance(policies, Mapping) else {EVERYONE: policies}
+    named = {agent_name(whom): choice for whom, choice in whole.items()}
+    owners = {shared_with(choice) for choice in named.values()}
+    return frozenset(
+        whom
+        for whom, choice in named.items()
+        if isinstance(choice, str)
+        and whom not in owners
+        and shared_with(choice) is None
+        and _is_copied(choice, chosen[whom].policy)
+    )
+
+
+def _is_copied(name: str, policy: Any) -> bool:
+    if isinstance(policy, ModuleType | FunctionType | SlotPolicy):
+        return False
+    if is_schemed(name) and not callable(getattr(policy, "reset", None)):
+        return False
+    try:
+        copy.deepcopy(policy)
+    except Exception:  # foreign code; what can't be copied is shared
+        return False
+    return True
+
+
 def _check_known(chosen: Mapping[str, Chosen], known: Collection[str]) -> None:
     for whom, choice in chosen.items():
         if whom != EVERYONE and whom not in known:
@@ -136,11 +170,14 @@ class JointPolicy:
 
     __slots__ = (
         "_action_space",
+        "_apart",
         "_chosen",
         "_episode",
+        "_is_begun",
         "_mask_at",
         "_noop",
         "_objects",
+        "_own",
         "_playing",
         "_resets",
         "_rngs",
@@ -158,13 +195,18 @@ class JointPolicy:
         roles: Callable[[Any], str | None],
         noop: Callable[[Any], Any],
         mask_at: Callable[[Any], str | None],
+        apart: frozenset[str] = frozenset(),
     ) -> None:
         self._chosen = dict(chosen)
+        self._own: dict[str, Chosen] = {}  # by agent, of places whose agents have an object each
+        several = Counter(id(one.policy) for one in chosen.values())
+        self._apart = {whom: several[id(chosen[whom].policy)] > 1 for whom in apart}
         # One object in several places goes by the first of their names, and is reset once under it.
         names: dict[int, str] = {}
         self._objects = {
             whom: whom
             if isinstance(one.policy, ModuleType)  # a built-in: it remembers nothing
+            or whom in apart
             else names.setdefault(id(one.policy), whom)
             for whom, one in sorted(chosen.items())
         }
@@ -180,6 +222,7 @@ class JointPolicy:
         self._rngs: dict[Any, Generator] = {}
         self._shared: dict[Any, Any] = {}
         self._run_seed = self._episode = 0
+        self._is_begun = False
 
     def begin(self, run_seed: int, episode: int) -> None:
         """An episode begins: streams are new, and policies that have a `reset` get it called.
@@ -188,14 +231,19 @@ class JointPolicy:
             PolicyError: a policy's `reset` raised.
         """
         self._run_seed, self._episode = run_seed, episode
-        self._playing, self._rngs = {}, {}
-        for whom, chosen in self._resets.items():
-            # A stream of its own: what the policy does with it must not repeat an agent's draws.
-            seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
-            try:
-                reset_policy(chosen.policy, seed)
-            except (Exception, SystemExit) as error:
-                raise raised(chosen, whom, error) from error
+        self._playing, self._rngs, self._is_begun = {}, {}, True
+        for whom, chosen in [*self._resets.items(), *sorted(self._own.items())]:
+            self._reset(whom, chosen)
+
+    def _reset(self, whom: str, chosen: Chosen) -> None:
+        if not callable(getattr(chosen.policy, "reset", None)):
+            return
+        # A stream of its own: what the policy does with it must not repeat an agent's draws.
+        stream = policy_rng(self._run_seed, self._episode, f"reset of {whom}")
+        try:
+            reset_policy(chosen.policy, int(stream.integers(1 << 31)))
+        except (Exception, SystemExit) as error:
+            raise raised(chosen, whom, error) from error
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         """The action of a live agent.
@@ -212,7 +260,8 @@ class JointPolicy:
 
     def policies(self) -> list[Any]:
         """Returns the policies that are objects of their own, in the order of their places."""
-        found = {id(one.policy): one.policy for _, one in sorted(self._chosen.items())}
+        every = [*sorted(self._chosen.items()), *sorted(self._own.items())]
+        found = {id(one.policy): one.policy for _, one in every}
         return [policy for policy in found.values() if not isinstance(policy, ModuleType)]
 
     def draw_anew(self, run_seed: int, without: Collection[Any] = ()) -> None:
@@ -260,18 +309,38 @@ class JointPolicy:
             roles=self._roles,
             noop=self._noop,
             mask_at=self._mask_at,
+            apart=frozenset(self._apart),
         )
+        copied._own = {
+            agent: replace(one, policy=copy.deepcopy(one.policy, memo))
+            for agent, one in self._own.items()
+        }
         copied._run_seed, copied._episode = self._run_seed, self._episode
+        copied._is_begun = self._is_begun
         copied._rngs = copy.deepcopy(self._rngs, memo)
         return copied
 
     def chosen_for(self, agent: Any) -> Chosen:
-        """The policy that plays an agent."""
-        return self._chosen[self._place_of(agent)]
+        """The policy that plays an agent; of agents with an object each its own copy."""
+        place, name = self._place_of(agent), agent_name(agent)
+        if not self._has_own(place, name):
+            return self._chosen[place]
+        found = self._own.get(name)
+        if found is None:
+            one = self._chosen[place]
+            found = self._own[name] = replace(one, policy=copy.deepcopy(one.policy))
+            if self._is_begun:  # it joins late
+                self._reset(name, found)
+        return found
+
+    def _has_own(self, place: str, name: str) -> bool:
+        """An agent plays by a copy; the object itself serves a place that is one agent's alone."""
+        return place in self._apart and (place != name or self._apart[place])
 
     def object_of(self, agent: Any) -> str:
         """Returns the name of the object that plays an agent; agents that share it have one."""
-        return self._objects[self._place_of(agent)]
+        place, name = self._place_of(agent), agent_name(agent)
+        return name if self._has_own(place, name) else self._objects[place]
 
     def apart(self, agent: Any, rng: Generator) -> Player:
         """A player for an agent apart from the game, as at the beginning of an episode.
@@ -296,14 +365,56 @@ class JointPolicy:
                 policy = copy.deepcopy(policy)
         return self._seat(agent, replace(chosen, policy=policy))(rng)
 
-    def described(self, agents: Iterable[Any]) -> dict[str, dict[str, str | None]]:
+    def asked_on(self, agent: Any, observation: Any, info: Any, times: int) -> Any:
+        """The action of a policy that is asked so many times in a row, of a copy of it.
+
+        The policy itself is asked once. Without memory, or where it can't be copied, its own
+        action is returned.
+        """
+        copied, rng = self._copied(agent)
+        found = self.act(agent, observation, info)
+        if copied is None:
+            return found
+        player = self._seat(agent, copied)(rng)
+        for _ in range(times):
+            found = player(observation, info)
+        return found
+
+    def asked_anew(self, agent: Any, observation: Any, info: Any, times: int) -> list[Any]:
+        """Actions of so many draws of a policy, which itself is asked for one of them.
+
+        A policy that keeps nothing in an object, or can't be copied, is asked for all of them.
+        """
+        copies = [self._copied(agent)[0] for _ in range(times - 1)]
+        found = [self.act(agent, observation, info)]
+        for copied in copies:
+            if copied is None:
+                found.append(self.act(agent, observation, info))
+            else:
+                found.append(self._seat(agent, copied)(self._rngs[agent])(observation, info))
+        return found
+
+    def _copied(self, agent: Any) -> tuple[Chosen | None, Generator]:
+        """An agent's policy as a copy, and its stream as one; None: it isn't one that is copied."""
+        chosen = self.chosen_for(agent)
+        rng = self._rngs.get(agent) or policy_rng(self._run_seed, self._episode, agent)
+        kept: Any = chosen.policy
+        if isinstance(kept, ModuleType | FunctionType | SlotPolicy):
+            return None, rng
+        try:
+            return replace(chosen, policy=copy.deepcopy(kept)), copy.deepcopy(rng)
+        except Exception:  # foreign code; what can't be copied isn't
+            return None, rng
+
+    def described(self, agents: Iterable[Any]) -> dict[str, dict[str, Any]]:
         """Describes the policies by agent, as evidence keeps them.
 
         Returns:
             By agent the name of its `policy`, its `version`, what it was `chosen_for` (the agent,
-            its role, or `*`) and its `object`: agents of one object share it.
+            its role, or `*`), its `object`: agents of one object share it; and, but for a built-in,
+            whether it is its `own`, as others of the same choice have theirs.
         """
-        found = {}
+        found: dict[str, dict[str, Any]] = {}
         for agent in agents:
             place = self._place_of(agent)
             one = self._chosen[place]
@@ -311,8 +422,10 @@ class JointPolicy:
                 "policy": one.name,
                 "version": one.version,
                 "chosen_for": place,
-                "object": self._objects[place],
+                "object": self.object_of(agent),
             }
+            if not isinstance(one.policy, ModuleType):
+                found[agent_name(agent)]["own"] = place in self._apart
         return found
 
     def _place_of(self, agent: Any) -> str:

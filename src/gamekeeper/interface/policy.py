@@ -147,7 +147,7 @@ class Chosen:
 
 
 def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> Chosen:
-    """The policy behind a user's choice. A class is made into one instance, without arguments.
+    """The policy behind a user's choice. A class is made into an instance, without arguments.
 
     Args:
         choice: `random`, `first-legal`, `noop`, `module:callable`, `file.py:callable`, or a

@@ -46,12 +46,18 @@ def choices_in(text: str | None) -> dict[str, str]:
     where the episode names none.
     """
     choices: dict[str, str] = {}
+    shared: dict[str, list[str]] = {}
     for agent, entry in _named(text).items():
-        place = str(entry.get("chosen_for", agent))
-        owner = str(entry.get("object", place))
-        choices[owner] = str(entry["policy"])
+        place, name = str(entry.get("chosen_for", agent)), str(entry["policy"])
+        owner = place if entry.get("own") else str(entry.get("object", place))
+        choices[owner] = name
         if place != owner:
             choices[place] = f"{SAME}{owner}"
+        elif "own" not in entry and ":" in name:  # from before agents had an object each
+            shared.setdefault(owner, []).append(agent)
+    for owner, agents in shared.items():
+        if len(agents) > 1:
+            choices |= dict.fromkeys(agents, f"{SAME}{owner}")
     return choices
 
 
