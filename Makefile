@@ -14,7 +14,7 @@ SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := warehouse --policy reference
 
-.PHONY: help demo dist test slow-test trainer-test browser-test docs check nightly seconds format-check lint types format lock clean moved
+.PHONY: help demo dist test slow-test trainer-test browser-test docs docs-browser-test check nightly seconds format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo "make trainer-test TRAINER=sb3   the tests of one trainer's adapter, in an environment of its own, $(VENV)-sb3"
 	@echo "make docs     build the pages into build/docs, strictly"
 	@echo "make browser-test   the report's page in Chromium (installs Debian's where it is missing), in $(VENV)-browser"
+	@echo "make docs-browser-test   what \`make docs\` has built, in the same Chromium"
 	@echo "make dist     build wheel and sdist into dist/, and check them as an index does (twine, in $(VENV)-dist)"
 	@echo "make format   reformat the sources, fix what ruff can fix"
 	@echo "make lock     compile requirements/*.txt again (needs uv; UPGRADE=--upgrade for newer versions)"
@@ -64,6 +65,11 @@ browser-test:
 	@requirements/browser.sh
 	$(MAKE) $(VENV)-browser/browser.stamp VENV=$(VENV)-browser
 	$(VENV)-browser/bin/python -m pytest -m browser tests/browser $(ARGS)
+
+# What `make docs` has built, in the same Chromium.
+docs-browser-test:
+	$(MAKE) $(VENV)-browser/browser.stamp VENV=$(VENV)-browser
+	$(VENV)-browser/bin/python -m pytest -m docs tests/browser $(ARGS)
 
 $(VENV)/browser.stamp: $(VENV)/home.stamp requirements/browser.txt pyproject.toml
 	@requirements/setup.sh install $(VENV) requirements/browser.txt

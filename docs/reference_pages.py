@@ -151,6 +151,8 @@ def _section(name: str, command: Any) -> str:
         is_example = paragraph.startswith(EXAMPLE)
         line = f"{EXAMPLE}`{paragraph.removeprefix(EXAMPLE)}`" if is_example else paragraph
         lines += ["", line]
+    if (HERE / "pictures" / "commands" / f"{name}.svg").exists():
+        lines += ["", f"![Output of gamekeeper {name}](../pictures/commands/{name}.svg)"]
     lines += ["", "| | |", "|---|---|"]
     for each in arguments:
         lines.append(f"| `{_code(_words(each))}` | {_cell(each.help or '')} |")

@@ -37,17 +37,21 @@ class GamekeeperError(Exception):
     def __init__(
         self, what: str, *, where: str = "", expected: str = "", actual: str = "", fix: str = ""
     ) -> None:
-        self.what, self.where, self.expected, self.actual, self.fix = (
-            what,
-            where,
-            expected,
-            actual,
-            fix,
-        )
+        self.what, self.where, self.fix = what, where, fix
+        self.expected, self.actual = expected, actual
         places = [("where", where), ("expected", expected), ("actual", actual)]
         middle = "   ".join(f"{name}: {text}" for name, text in places if text)
         lines = [what, f"  {middle}" if middle else "", f"  fix: {fix}" if fix else ""]
         super().__init__("\n".join(line for line in lines if line))
+
+    def parts(self) -> dict[str, str]:
+        """The arguments that it was made of: `Other(**error.parts())` says the same."""
+        names = ("what", "where", "expected", "actual", "fix")
+        return {name: getattr(self, name) for name in names}
+
+    def to_json(self) -> dict[str, str]:
+        """Its parts and the name of its class, as documents have them under `error`."""
+        return {"kind": type(self).__name__, **self.parts()}
 
 
 class SpecError(GamekeeperError, ValueError):

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.checks.verdict import Verdict
+from tests.auditing.kept_workers import keep_workers
 
 CONFIRMED = {"tests.auditing.test_confirmation": 5, "tests.auditing.test_seeds": 1}
 """Modules whose reproducers are run, each in so many processes."""
@@ -21,3 +22,4 @@ def _few_reproducers_run(request: pytest.FixtureRequest, monkeypatch: pytest.Mon
         monkeypatch.setattr("gamekeeper.auditing.audit.confirmed", unconfirmed)
     else:
         monkeypatch.setattr("gamekeeper.auditing.confirm.TRIES", tries)
+        keep_workers(monkeypatch)

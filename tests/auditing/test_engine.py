@@ -82,7 +82,7 @@ def test_audit_steps_stay_near_the_budget() -> None:
 
 def test_audit_refuses_an_empty_budget() -> None:
     """Nothing can be seen without a step."""
-    with pytest.raises(EvidenceError, match="nothing can be seen"):
+    with pytest.raises(EvidenceError, match="no env step to play"):
         audit_here(CLEAN, budget=0)
 
 

@@ -139,7 +139,7 @@ def entry_of(packed: Mapping[str, Any]) -> Packed:
         returns[packed["agents"][agent]["name"]] += reward or 0.0
     kept = {name: packed[name] for name in ("run", "episode", "seed", "turns", "end", "error")}
     more = {"packed": True, "why": ["first"], "failing": bool(packed["error"]), "labels": []}
-    told = {"team": sum(returns.values()), "returns": returns, "spark": "ABZaz"}
+    told = {"team": sum(returns.values()), "returns": returns, "spark": "ABZaz", "acts": "zA"}
     return {**kept, **more, **told, "base": packed["base"], "change": packed["change"]}
 
 

@@ -123,7 +123,7 @@ def test_comparison_has_an_address(open_page: Open) -> None:
     page.wait_for_url("**/*#play:a/0/34+a.counterfactual/0")
     page.reload()
     expect(page.locator(".deck h3")).to_have_text(
-        ["Run a (runs/a), episode 0", "Run a.counterfactual (runs/a.counterfactual), episode 0"]
+        ["Episode 0 of runs/a (run a)", "Episode 0 of runs/a.counterfactual (run a.counterfactual)"]
     )
     assert turn_of(page) == 34
 

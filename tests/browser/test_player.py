@@ -96,6 +96,16 @@ def test_play_ends_at_the_last_turn(open_page: Open) -> None:
     expect_turn(page, r"\d|10")
 
 
+def test_turn_is_typed(open_page: Open) -> None:
+    """A number puts the cursor on its turn; one past the end on the last."""
+    page = opened(open_page, parallel_episode(), address="#play:a/0/0")
+    number = page.get_by_label("Go to turn")
+    number.fill("42")
+    assert turn_of(page) == 42
+    number.fill("99")
+    assert (turn_of(page), number.input_value()) == (60, "60")
+
+
 def test_jump_goes_to_its_mark(open_page: Open) -> None:
     """A mark's button puts the cursor on its turn."""
     page = opened(open_page, parallel_episode(), address="#play:a/0/0")
@@ -151,7 +161,7 @@ def test_list_filters_and_opens(open_page: Open) -> None:
     page.locator(".episode-list input").fill("seed 27")
     assert page.locator(".episode-list tbody tr").count() == 1
     page.get_by_role("button", name="Play episode 27 of run a").click()
-    expect(page.locator(".deck h3")).to_contain_text("episode 27")
+    expect(page.locator(".deck h3")).to_contain_text("Episode 27")
 
 
 def test_list_sorts_by_a_column(open_page: Open) -> None:

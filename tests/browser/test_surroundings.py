@@ -106,7 +106,12 @@ def test_page_is_accessible(open_page: Open) -> None:
     expect(page.locator(".deck")).to_have_count(2)
     page.locator("#charts").scroll_into_view_if_needed()
     expect(page.locator("#charts canvas").first).to_be_visible()
-    assert faults_anywhere(page) == []
+    found = faults_anywhere(page)
+    for scheme, width in (("light", 1024), ("dark", 1024), ("dark", 390)):
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size({"width": width, "height": 900})
+        found += [f"{scheme}, {width}: {fault}" for fault in faults(page, runOnly=[CONTRAST])]
+    assert found == []
 
 
 @pytest.mark.parametrize("width", [360, 800, 1400])

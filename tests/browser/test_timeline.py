@@ -70,6 +70,7 @@ def test_gallery_sorts_and_groups_episodes_and_opens_one(open_page: Open) -> Non
     page.locator(".episode-list > summary").click()
     page.locator(".gallery > summary").click()
     expect(page.locator(".tile")).to_have_count(5)
+    expect(page.locator(".tile .act-bar")).to_have_count(10)
     page.get_by_label("Sort by").select_option("behaviour")
     expect(page.locator(".gallery h4").filter(has_text="12 steps")).to_contain_text("1 episode ·")
     expect(page.locator(".tile")).to_have_count(5)

@@ -61,7 +61,7 @@ def test_export_says_on_stderr_what_is_lost(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["RUN", "--to", "csv", "--out", "x"], "there is no form 'csv'"),
+        (["RUN", "--to", "csv", "--out", "x"], "no exporter is called 'csv'"),
         (["RUN", "--to", "numpy"], "no file is named"),
         (["RUN", "--to", "numpy", "--out", ""], "a folder has this name"),
         (["RUN", "--to", "numpy", "--out", "/"], "a folder has this name"),

@@ -99,5 +99,5 @@ def test_pairing_takes_each_seat_from_its_policy() -> None:
 
 def test_pairing_refuses_a_seat_for_which_a_policy_says_nothing() -> None:
     """A table by role without the role."""
-    with pytest.raises(PolicyError, match="says nothing for 'c'"):
+    with pytest.raises(PolicyError, match="names no policy for 'c'"):
         crossed(spec({"a": {"p": "a_p"}, "b": "y"}), "e", TWO, ("p", "c"))

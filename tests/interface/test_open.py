@@ -227,6 +227,19 @@ def test_open_env_tells_an_import_that_fails_inside_the_module(
     assert "frozen importlib" not in said
 
 
+def test_open_env_of_a_file_that_imports_its_package_names_the_module(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What lies in the current folder isn't offered for installation."""
+    package = f"farm_{next(_NUMBER)}"
+    write("", f"{package}/__init__.py")
+    write(f"from {package} import rules\n", f"{package}/env.py")
+    monkeypatch.chdir(tmp_path)
+    said = told(f"{package}/env.py:make")
+    assert "package.module:factory" in said
+    assert "pip install" not in said
+
+
 def test_open_env_takes_an_environment_object() -> None:
     """The object itself; its class is named for another process, or what to add is."""
     env = Pair()

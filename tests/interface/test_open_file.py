@@ -42,7 +42,7 @@ def test_open_env_takes_an_instance_that_a_file_made(write: Write) -> None:
     opened = open_env(f"{path}:env")
     assert opened.env.n == 5  # type: ignore[union-attr]
     assert opened.make is None
-    assert "takes no arguments" in told(f"{path}:env", n=3)
+    assert "takes no keyword arguments" in told(f"{path}:env", n=3)
 
 
 @pytest.mark.parametrize(

@@ -140,7 +140,7 @@ def test_actions_of_others_than_the_live_are_refused(actions: Any) -> None:
     """A tick takes exactly one action of each live agent, and refuses before the guest steps."""
     env = several()
     env.reset(seed=0)
-    with pytest.raises(ActionError, match="live agents"):
+    with pytest.raises(ActionError, match="the actions of a tick"):
         env.step(actions)
     assert env.guest.unwrapped.given == []
 

@@ -14,15 +14,16 @@ import os
 import sys
 import threading
 from functools import cache
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-from gamekeeper.auditing import confirm, elsewhere
+import pytest
+
+from gamekeeper.auditing import confirm
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.result import AuditResult
-from gamekeeper.rollouts.warm_worker import WarmWorker
 from gamekeeper.rollouts.workers import run_task
+from tests.auditing.kept_workers import keep_workers
 from tests.faults import environments
 
 PROCESSES = 2
@@ -30,7 +31,13 @@ TRIES = 2
 """Fresh processes for each reproducer; an audit that isn't one of some hundred takes five."""
 TASK = f"{__name__}:audit_task"
 ROOT = Path(__file__).parents[2]
-SOURCES = ("src/gamekeeper", "tests/faults", "tests/matrix", "requirements/test.txt")
+SOURCES = (
+    "src/gamekeeper",
+    "tests/faults",
+    "tests/matrix",
+    "tests/auditing/kept_workers.py",
+    "requirements/test.txt",
+)
 """Files and folders that an audit depends on."""
 NAMES = list(environments())
 CLEAN = [name for name, each in environments().items() if not each.checks]
@@ -130,10 +137,9 @@ def _keep(name: str, audit: dict[str, Any]) -> None:
 
 def audit_task(report: Any, *, names: list[str]) -> None:
     """Audits environments in this process, which is for this alone."""
-    workers = cycle([_KeptWorker(confirm.MODULES) for _ in range(TRIES)])
-    confirm.WarmWorker = lambda modules, hash_seed: next(workers)  # type: ignore[assignment,misc]  # kept ones in its place
-    confirm.TRIES = TRIES  # type: ignore[misc]  # fewer here
-    elsewhere.worker_of = lambda lab, hash_seed: _worker(hash_seed)  # type: ignore[assignment]  # forks of kept ones in its place
+    patch = pytest.MonkeyPatch()
+    keep_workers(patch)
+    patch.setattr(confirm, "TRIES", TRIES)
     for name in names:
         each = environments()[name]
         audit = audit_here(
@@ -145,15 +151,3 @@ def audit_task(report: Any, *, names: list[str]) -> None:
         ).to_json()
         _keep(name, audit)
         report(name=name, audit=audit)
-
-
-class _KeptWorker(WarmWorker):
-    """A worker that isn't ended when an audit is through with it."""
-
-    def __exit__(self, *_: object) -> None:
-        return
-
-
-@cache
-def _worker(hash_seed: int | None) -> WarmWorker:
-    return WarmWorker(["gamekeeper.auditing.elsewhere"], hash_seed=hash_seed)

@@ -88,7 +88,14 @@ def test_evaluation_text_has_no_negative_zero() -> None:
     lead = {"policies": ["mine", "mine"], "roles": ["p", "c"], "n": 50, "first_mover": none}
     crossed = {"roles": ["p", "c"], "who": "p", "cells": [cell], "best_response": []}
     crossed["fairness"] = [{**lead, "difference": None}]
-    apart = {"environment": "line", "a": "mine", "b": "yours", "who": "team", "metric": "return"}
+    apart = {
+        "environment": "line",
+        "a": "mine",
+        "b": "yours",
+        "scope": "team",
+        "who": "team",
+        "metric": "return",
+    }
     apart |= {"difference": {**none, "p": 1.0, "effect_size": -0.001}, "improvement": None}
     low = row(mean=none, iqm=none, quantiles=dict.fromkeys(("0.05", "0.95"), -0.0))
     found = document(results=[low], crossplay={"line": crossed}, comparisons=[apart])
@@ -179,6 +186,7 @@ def test_evaluation_text_stays_within_its_width(width: int) -> None:
         "environment": "line",
         "a": "mine",
         "b": "yours",
+        "scope": "team",
         "who": "team",
         "metric": "return",
         "difference": {**INTERVAL, "p": 0.01},

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,17 +29,24 @@ def test_summary_has_a_row_for_each_agent() -> None:
         "  agent      return  length  share  idle  endings",
         "  picker_0  -12.500    40.0      -   25%  battery 3, cleared 17, terminated 2",
         "  return, length in actions: mean over the episodes that the agent was in;",
-        "  share: of the team's return; idle: declared noops among its actions; share -:",
-        "  undefined, as a return is negative or their sum is 0",
+        "  share: of the team's return; idle: declared noops among its actions; endings:",
+        "  in how many episodes; share -: undefined, as a return is negative or their sum",
+        "  is 0",
     ]
     assert summary_text(summary_of(1), width=80).splitlines() == expected
 
 
 def test_summary_counts_the_agents_that_it_leaves_out() -> None:
-    """Where there are more agents than lines, the rest is counted, never averaged."""
-    lines = summary_text(summary_of(200), width=80, most=24).splitlines()
-    assert len(lines) == 29
-    assert lines[-4] == "  ... and 176 more agents"
+    """Of a crowd those furthest from the median come first, the rest is counted, never averaged."""
+    crowd = summary_of(200)
+    odd = replace(crowd.agents["picker_7"], return_mean=9.0)
+    near = replace(odd, return_mean=-12.0)
+    crowd = replace(crowd, agents={**crowd.agents, "picker_7": odd, "picker_8": near})
+    lines = summary_text(crowd, width=80).splitlines()
+    assert lines[1].split()[:2] == ["picker_7", "9.000"]
+    assert lines[2].split()[:2] == ["picker_8", "-12.000"]
+    assert lines[17].split() == ["184", "others", "-12.500"]
+    assert max(map(len, lines)) <= 80
 
 
 def test_summary_without_agents_says_so() -> None:

@@ -30,7 +30,7 @@ def test_replay_verifies_in_a_fresh_process(tmp_path: Path) -> None:
     assert (evidence.fingerprint, 2, None) == (result.fingerprint, result.episodes, result.reason)
     assert str(result).splitlines() == [
         f"verified: fingerprint {evidence.fingerprint}",
-        "  opened because you allowed it with --allow-import",
+        "  environment opened because you allowed it with --allow-import",
     ]
 
 

@@ -84,7 +84,7 @@ def test_interval_is_the_last_of_the_sequence() -> None:
         (lambda: ConfidenceSequence(level=0.2), "no interval of this level"),
         (lambda: SHARES.sequence([0.5, 1.2]), "outside of its bounds"),
         (lambda: ANY.sequence([0.5, np.nan]), "finite"),
-        (lambda: ANY.stop_at([0.5], 0.0), "so narrow"),
+        (lambda: ANY.stop_at([0.5], 0.0), "can.t be 0 or less"),
         (lambda: ANY.interval(np.zeros(50)), "at least 100 values"),
     ],
 )

@@ -107,7 +107,7 @@ def test_narrowing_covers_with_the_stopping(name) -> None:
         (lambda: Narrowing(level=0.2), "no interval of this level"),
         (lambda: SHARES.sequence([0.5, 1.2]), "outside of its bounds"),
         (lambda: ANY.sequence([0.5, np.nan]), "finite"),
-        (lambda: ANY.stop_at([0.5], 0.0), "so narrow"),
+        (lambda: ANY.stop_at([0.5], 0.0), "can.t be 0 or less"),
         (lambda: ANY.interval(np.zeros(149)), "at least 150 values"),
         (lambda: SHARES.interval(np.zeros(49)), "at least 50 values"),
     ],

@@ -48,7 +48,7 @@ def played_by(env: Reference, policy: str) -> Choose:
 @pytest.mark.parametrize("seed", range(len(SIZES)))
 def test_handover_kernel_equals_the_reference(seed: int, debug: bool) -> None:
     """Random play: all that is seen, paid, told and drawn, turn by turn."""
-    sizes, steps = SIZES[seed], 2_000 if debug else 10_000
+    sizes, steps = SIZES[seed], 1_000 if debug else 4_000
     one, two = Reference(**sizes), Handover(**sizes, debug=debug)
     endings = turns_alike(one, two, choose=legal_often, seed=seed, steps=steps)
     assert len(endings) > 1

@@ -24,11 +24,11 @@ def played(*cells: int) -> Tictactoe:
     return env
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.usefixtures("quiet")
 def test_tictactoe_equals_pettingzoo(seed: int) -> None:
-    """The same actions give the same `last`, books and observations; 10,000 steps."""
-    ends = walk(Tictactoe(), tictactoe_v3.env(), steps=10_000, seed=seed)
+    """The same actions give the same `last`, books and observations; 5,000 steps."""
+    ends = walk(Tictactoe(), tictactoe_v3.env(), steps=5_000, seed=seed)
     for how, least in (("won", 50), ("drawn", 5), ("illegal", 10)):
         assert ends[how] > least
 
@@ -36,7 +36,7 @@ def test_tictactoe_equals_pettingzoo(seed: int) -> None:
 @pytest.mark.usefixtures("quiet")
 def test_tictactoe_equals_pettingzoo_as_plain_python() -> None:
     """The same, of the rules that a debugger walks through."""
-    walk(Tictactoe(debug=True), tictactoe_v3.env(), steps=1_000, seed=3)
+    walk(Tictactoe(debug=True), tictactoe_v3.env(), steps=500, seed=3)
 
 
 def test_tictactoe_player_1_begins_and_they_take_turns() -> None:

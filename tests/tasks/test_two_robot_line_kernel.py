@@ -28,7 +28,8 @@ HARD: dict[str, Any] = dict.fromkeys(KNOBS, 0.4) | {
 def test_line_kernel_equals_the_reference(n: int, seed: int, debug: bool) -> None:
     """Observations, rewards, terms, endings, infos, state and draws, tick by tick."""
     ours = TwoRobotLine(n=n, debug=debug)
-    endings = ticks_alike(Reference(n=n), ours, choose=uniform(3), seed=seed, steps=10_000)
+    steps = 10_000 if n == 40 else 3_000  # robots far apart seldom meet
+    endings = ticks_alike(Reference(n=n), ours, choose=uniform(3), seed=seed, steps=steps)
     assert endings["met"] > 5
     assert ours.not_batched == ""
 

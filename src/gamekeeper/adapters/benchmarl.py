@@ -64,7 +64,7 @@ def task(
     """  # noqa: E501  # a row of a table is one line
     if not isinstance(spec, str):
         raise SpecError(
-            "an experiment is saved, with the name of its task",
+            "an experiment needs an environment that is named by a text, which is saved with it",
             where="spec",
             expected="a text",
             actual=repr(spec)[:200],
@@ -89,7 +89,7 @@ def task(
             "the length of an evaluation episode isn't known",
             where="max_steps",
             expected="a contract with a horizon, or max_steps=",
-            fix="max_steps=: steps, of an AEC environment turns",
+            fix="give max_steps=, in env steps",
         )
     config = {
         "spec": spec,

@@ -131,7 +131,7 @@ def _close(opened: Opened, workers: Iterable[WarmWorker]) -> None:
 
 def _no_budget(budget: int) -> EvidenceError:
     return EvidenceError(
-        "nothing can be seen",
+        "the audit has no env step to play",
         where="budget",
         expected="1 step at least",
         actual=str(budget),

@@ -17,7 +17,7 @@ from gamekeeper.checks.verdict import Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EnvError, GamekeeperError
 from gamekeeper.rollouts.workers import run_task
-from gamekeeper.runs.worker_errors import error_fields, error_of
+from gamekeeper.runs.worker_errors import error_of
 
 TASK: Final = "gamekeeper.auditing.audit_process:audit_task"
 SILENCE_S: Final = 120.0
@@ -210,5 +210,5 @@ def audit_task(
         attempt = AuditAttempt(died, on_probe, beat=report, keeps_partial=True)
         found = audit_here(spec, contract=declared, attempt=attempt, **options)
     except GamekeeperError as error:
-        return {"error": error_fields(error), "audit": None}
+        return {"error": error.to_json(), "audit": None}
     return {"error": None, "audit": found.to_json()}

@@ -130,7 +130,7 @@ def play_task(
     for _ in range(instances):
         with held():
             env = open_env(spec, **kwargs).env
-            agents = {agent_name(agent): agent for agent in getattr(env, "possible_agents", ())}
+            agents = {_name(agent): agent for agent in getattr(env, "possible_agents", ())}
             again = _from_paper(play, agents)
             played = perform(
                 again,
@@ -149,7 +149,7 @@ def play_task(
 
 def _on_paper(play: EpisodePlan) -> dict[str, Any]:
     turns = [
-        [[agent_name(agent), *_text(action)] for agent, action in actions.items()]
+        [[*_name(agent), *_text(action)] for agent, action in actions.items()]
         for actions in play.actions or ()
     ]
     return {
@@ -161,9 +161,14 @@ def _on_paper(play: EpisodePlan) -> dict[str, Any]:
     }
 
 
-def _from_paper(paper: Mapping[str, Any], agents: Mapping[str, Any]) -> EpisodePlan:
+def _name(agent: Any) -> tuple[str, str]:
+    """Class and name of an agent: the agents 0 and "0" have one name."""
+    return type(agent).__name__, agent_name(agent)
+
+
+def _from_paper(paper: Mapping[str, Any], agents: Mapping[tuple[str, str], Any]) -> EpisodePlan:
     turns = tuple(
-        {agents.get(name, name): _value(*text) for name, *text in actions}
+        {agents.get((kind, name), name): _value(*text) for kind, name, *text in actions}
         for actions in paper["turns"]
     )
     return EpisodePlan(paper["seed"], paper["stream"], turns, paper["most_turns"])

@@ -28,8 +28,8 @@ REPLAY_PROOF = (
 def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A play replays bit for bit from its evidence: seed, options and the actions as they were written.
 
-    What is recorded is all that a later reader has. Where the same actions from the same seed give
-    another play already, nothing is said here: then it is the seed that doesn't settle the game.
+    A recording is all that a later reader has. Where the same actions from the same seed give
+    another episode already, this check says nothing: that is for the checks of seeds (GK6xx).
 
     Bad:
         class Orders(gymnasium.Space):

@@ -22,7 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from gamekeeper._version import __version__
 from gamekeeper.cli._options import JsonOption, PolicyOption, QuietOption, SeedOption, WorkersOption
-from gamekeeper.cli._screen import CommandResult, Screen, error_document
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._stdout import claimed_stdout, open_standard_streams, silence
 from gamekeeper.errors import EnvError, GamekeeperError
 
@@ -210,7 +210,7 @@ def _performed(
         if (stopped := _interrupt_in(error)) is not None:
             return _interrupted(screen, stopped)
         screen.error(f"{type(error).__name__}: {error}")
-        screen.document({"error": error_document(error)})
+        screen.document({"error": error.to_json()})
         return FAILED if isinstance(error, EnvError) else UNSURE
     except KeyboardInterrupt as stopped:
         return _interrupted(screen, stopped)

@@ -169,22 +169,21 @@ def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
 
 
 def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Shows an audit: failed checks and a program, waived checks, the measured game form."""
+    """Shows an audit: failed checks and a program, waived checks, the measured game form.
+
+    `show_verdict` comes last.
+    """
     from gamekeeper.checks.check import checks
     from gamekeeper.reporting.audit_text import (
         minor_text,
         program_of,
         suspected_text,
-        title_text,
         verdicts_of,
         waived_text,
     )
     from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
-    screen.verdict(title_text(document, width=screen.width), _manner(document))
-    if document["stopped"]:
-        screen.show(f"This audit is incomplete: {document['stopped']}.")
     source = document.get("source") or {}
     if source.get("file") and verdicts_of(document, "failed", "suspected"):
         screen.show(f"Environment: {source['file']}:{source.get('line', 1)}")
@@ -203,14 +202,25 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
             f"  gamekeeper explain {id} says why it matters."
         )
     known = checks().keys()
-    for part in (
+    parts = (
         suspected_text(document, width=width),
         minor_text(document, width=width),
         waived_text(document, known=known, width=width),
         measured_text(document, width=width),
-    ):
-        if part:
-            screen.show(f"\n{part}")
+    )
+    for part in filter(None, parts):
+        screen.show(f"\n{part}")
+    if any(parts) or verdicts_of(document, "failed"):
+        screen.show("")
+
+
+def show_verdict(screen: Screen, document: Mapping[str, Any]) -> None:
+    """Shows what an audit came to in its last line: the environment and the numbers of checks."""
+    from gamekeeper.reporting.audit_text import title_text
+
+    if document["stopped"]:
+        screen.show(f"This audit is incomplete: {document['stopped']}.")
+    screen.verdict(title_text(document, width=screen.width), _manner(document))
 
 
 def show_failed(screen: Screen, document: Mapping[str, Any]) -> None:
@@ -398,14 +408,13 @@ def audit_task(
         The audit's document; or `environment`, `seed` and `error` where there can be none.
     """
     from gamekeeper.auditing.audit_process import audit
-    from gamekeeper.cli._screen import error_document
 
     try:
         found = audit(
             spec, seed=seed, on_probe=lambda name, place, count: report(probe=name), **options
         )
     except GamekeeperError as error:
-        return {"environment": spec, "seed": seed, "error": error_document(error)}
+        return {"environment": spec, "seed": seed, "error": error.to_json()}
     return dict(found.to_json())
 
 

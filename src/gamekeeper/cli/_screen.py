@@ -29,7 +29,6 @@ from rich.progress import (
 
 from gamekeeper.cli._stdout import silence
 from gamekeeper.episodes.plain_json import finite
-from gamekeeper.errors import GamekeeperError
 from gamekeeper.terminal import say, visible
 
 # -- The name by which a person started this command line, in commands that are to be typed
@@ -74,18 +73,6 @@ Document = Mapping[str, Any]
 def document_text(document: Document) -> str:
     """One JSON document on one line, in ASCII; a number that JSON lacks (NaN, infinity) is null."""
     return json.dumps(finite(document), allow_nan=False)
-
-
-def error_document(error: GamekeeperError) -> dict[str, Any]:
-    """An error as the value of `error` in a document."""
-    return {
-        "kind": type(error).__name__,
-        "what": error.what,
-        "where": error.where,
-        "expected": error.expected,
-        "actual": error.actual,
-        "fix": error.fix,
-    }
 
 
 NARROWEST: Final = 60

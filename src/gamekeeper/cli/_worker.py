@@ -131,9 +131,7 @@ def record_in_worker(
         if error is None:
             raise
         fix = f"{error.fix}; the evidence in {out} can't be finalized either: {unfinalized.what}"
-        raise type(error)(
-            error.what, where=error.where, actual=error.actual, fix=fix
-        ) from unfinalized
+        raise type(error)(**{**error.parts(), "fix": fix}) from unfinalized
     if error is not None and evidence is not None and isinstance(error, ActionError | PolicyError):
         raise _placed(error, evidence)
     if error is not None and (evidence is None or not isinstance(error, EnvError)):
@@ -149,8 +147,7 @@ def _placed(error: GamekeeperError, evidence: Evidence) -> GamekeeperError:
     last = episodes[-1] if episodes else {"episode": 0, "turns": 0}
     where = f"episode {last['episode']}, turn {last['turns']}, agent {error.where}"
     fix = f"{error.fix}; the steps until then are recorded in {evidence.path}"
-    parts = {"expected": error.expected, "actual": error.actual}
-    return type(error)(error.what, where=where, fix=fix, **parts)
+    return type(error)(**{**error.parts(), "where": where, "fix": fix})
 
 
 def _finalized(out: Path, outcome: TaskOutcome, error: GamekeeperError | None) -> Evidence | None:

@@ -18,6 +18,7 @@ from gamekeeper.cli._audit import (
     show_audit,
     show_audits,
     show_illegal_actions_of,
+    show_verdict,
     worst_code,
     write_audit,
     write_audits,
@@ -190,6 +191,7 @@ def command(
     say_not_exercised(screen, document)
     if out is not None:
         screen.note(f"written to {out}: {', '.join(write_audit(out, document))}")
+    show_verdict(screen, document)
     return CommandResult(document, audit_code(document, **exits) if code is None else code)
 
 

@@ -161,7 +161,7 @@ def _unknown(where: str, seen: str, names: list[str]) -> GamekeeperError:
 
     near = nearest(seen, names)
     return GamekeeperError(
-        f"there is no form {seen!r}" if where == "--to" else f"nothing reads {seen!r}",
+        f"no exporter is called {seen!r}" if where == "--to" else f"nothing reads {seen!r}",
         where=where,
         expected=", ".join(sorted(names)),
         actual=repr(seen),

@@ -14,7 +14,7 @@ from gamekeeper.cli._fan import (
     is_fanned,
     record_by_workers,
 )
-from gamekeeper.cli._screen import CommandResult, Screen, error_document
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._worker import (
     Recorded,
     evidence_folder,
@@ -131,7 +131,7 @@ def rollout_document(recorded: Recorded) -> dict[str, Any]:
     if recorded.is_interrupted:
         document["interrupted"] = True
     if recorded.error is not None:
-        document["error"] = error_document(recorded.error)
+        document["error"] = recorded.error.to_json()
     return document
 
 

@@ -30,7 +30,7 @@ from gamekeeper.cli._options import (
     SeedOption,
     TimeoutOption,
 )
-from gamekeeper.cli._screen import CommandResult, Screen, error_document
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._worker import (
     Recorded,
     evidence_folder,
@@ -57,8 +57,6 @@ LEAK: Final = "GK604"
 """Check of what outlives a reset."""
 NEAR: Final = "1e-6"
 """Differences up to here, absolute or relative, come from arithmetic; larger ones from rules."""
-MOST_AGENTS: Final = 24
-"""Agents whose rows are shown; `gamekeeper show` has them all."""
 HUNG_S: Final = 20.0
 """Longest time without a step in the audit that comes first, in seconds: its probe is given up."""
 MOST_IDS: Final = 12
@@ -234,7 +232,7 @@ def audit_here(
     except GamekeeperError as error:  # recording meets it too, and keeps evidence of it
         screen.error(f"{type(error).__name__}: {error}")
         screen.show("\nAudited  given up")
-        return {"error": error_document(error)}
+        return {"error": error.to_json()}
     show_audited(screen, found, line=line)
     return found
 
@@ -270,7 +268,7 @@ def show_summary(screen: Screen, recorded: Recorded, *, seed: int, most_turns: i
     evidence = recorded.evidence
     summary, api = evidence.summary, api_of(evidence)
     screen.show(f"\nRecorded  {counted(summary, api=api)}, from seed {seed}")
-    screen.show(summary_text(summary, width=screen.width, most=MOST_AGENTS))
+    screen.show(summary_text(summary, width=screen.width))
     table = evidence.episode_table.select(["end", "turns"]).to_pylist()
     count = sum(row["end"] == "cut" and row["turns"] == most_turns for row in table)
     if count:

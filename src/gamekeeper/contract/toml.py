@@ -237,7 +237,7 @@ def parse_toml(text: str, *, source: str) -> tuple[dict[str, object], SourceLine
         raise ContractError(
             "the contract can't be read as TOML",
             where=source,
-            expected="TOML that people write",
+            expected="TOML of ordinary depth and length",
             actual=type(error).__name__,
             fix="take out what is nested deeply or very long",
         ) from None

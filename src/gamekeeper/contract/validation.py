@@ -240,10 +240,10 @@ def text(value: object, at: SourcePath) -> str:
         )
     if not can_be_told(value):
         raise at.error(
-            f"'{at.text}' says nothing that can be read",
+            f"'{at.text}' is empty",
             expected="text of at least one letter",
             actual=value,
-            fix="say it, or leave the key out",
+            fix="write a text, or leave the key out",
         )
     return str(value)
 

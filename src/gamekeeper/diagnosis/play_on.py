@@ -70,7 +70,7 @@ class BranchPoint:
     def __post_init__(self) -> None:
         if (self.action is None) == (self.policy is None):
             raise EvidenceError(
-                "one thing is changed: an action, or a policy",
+                "exactly one thing can be changed: an action or a policy",
                 where=f"episode {self.episode}, turn {self.turn}, {self.agent}",
                 expected="an action, or the name of a policy",
                 actual="neither" if self.action is None else "both",
@@ -356,7 +356,7 @@ def _in_worker(
             stop=options.stop,
         )
     if outcome.status == "interrupted" and options.stop is not None and options.stop.is_set():
-        raise GamekeeperError("it was stopped", where=str(branch), fix="ask again")
+        raise GamekeeperError("playing on was stopped", where=str(branch), fix="ask again")
     error = error_in(outcome)
     if error is not None:
         raise error

@@ -22,7 +22,6 @@ from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder
 from gamekeeper.runs.replay_runner import ReplayRunner
-from gamekeeper.runs.worker_errors import error_fields
 
 POINTS: Final = 120
 """Most points of a future's path."""
@@ -44,7 +43,7 @@ def offers_task(
         with OpenSetup(Setup.from_json(setup), Contract.from_json(contract)) as stage:
             return {"error": None, "ways": list(traits_of(stage, {}).ways)}
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
 
 
 def futures_task(
@@ -82,7 +81,7 @@ def futures_task(
             if point.policy is not None:
                 other.course.env.close()
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     return {"error": None, "steps": steps + other.steps, **answer}
 
 
@@ -124,7 +123,7 @@ def record_task(
             header = kept.header(0)
             again = ReplayRunner(kept, stage.opened).play(header)
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     return {"error": None, "replays": again["fingerprint"] == header["fingerprint"]}
 
 

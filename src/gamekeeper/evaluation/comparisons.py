@@ -209,12 +209,14 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
         if p is None:
             return f"{where}: {a} against {b} {figure}, no interval; {scope}"
         above, below = difference["above"], difference["below"]
-        side, claimed = "above" if above > below else "below", p <= ALPHA
+        side, other = ("above", "below") if above > below else ("below", "above")
+        claimed = p <= ALPHA
         if claimed and row["n"] in (above, below):
             found = f"is {side} {b} in each of {row['n']} pairs"
         else:
-            found = f"{'is' if claimed else 'is not shown to be'} more often {side} {b}: above in "
-            found += f"{above}, below in {below} of {row['n']} pairs"
+            more = "is more" if claimed else "isn't shown to be more"
+            found = f"{more} often {side} {b} than {other}: above in {above}, below in {below} of "
+            found += f"{row['n']} pairs"
         test = f"p = {p:.2g} (sign test, Holm); {figure} on average, without an interval"
         return f"{where}: {a} {found}, {test}; {scope}"
     is_apart = difference["low"] > 0 or difference["high"] < 0

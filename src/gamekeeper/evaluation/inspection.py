@@ -25,7 +25,6 @@ from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.policy import Chosen
 from gamekeeper.rollouts.rollout_plan import NAMES, object_of_this_process
 from gamekeeper.runs.recording import cast_of
-from gamekeeper.runs.worker_errors import error_fields
 
 SIZE: Final = 16
 """Bytes of a digest."""
@@ -245,7 +244,7 @@ def look_task(
     try:
         return asdict(look_at(opening, options, policies, files, report))
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
 
 
 def look_at(

@@ -113,7 +113,7 @@ def crossed(
 
     Raises:
         EvidenceError: there are more than `MOST_CELLS`.
-        PolicyError: a policy says nothing for a seat.
+        PolicyError: a policy names none for a seat.
     """
     found: dict[Sides, None] = {}
     for a, b in _meetings(spec, environment):
@@ -187,7 +187,7 @@ def _choice(table: Mapping[str, Any], side: Checkpoint, *whom: str) -> Any:
         if each in table:
             return table[each]
     raise PolicyError(
-        f"policy {side.policy!r} says nothing for {whom[0]!r}",
+        f"policy {side.policy!r} names no policy for {whom[0]!r}",
         where=f"policies.{side.policy}",
         expected=" or ".join([*whom, "'*'"]),
         actual=", ".join(table),
@@ -237,7 +237,7 @@ def matches_of(spec: Spec, looks: Mapping[str, Inspection], *, is_here: bool) ->
         is_here: it is played in this process, so that objects needn't be named.
     Raises:
         EvidenceError: there are too many, or a policy is an object that can't leave this process.
-        PolicyError: a policy says nothing for a seat.
+        PolicyError: a policy names none for a seat.
     """
     found = []
     for name in spec.environments:

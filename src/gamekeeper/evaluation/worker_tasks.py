@@ -37,7 +37,6 @@ from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.recording import cast_of, rollout
-from gamekeeper.runs.worker_errors import error_fields
 
 PLAY: Final = "gamekeeper.evaluation.worker_tasks:play_task"
 MERGE: Final = "gamekeeper.evaluation.worker_tasks:merge_task"
@@ -93,7 +92,7 @@ def play_task(
     try:
         table, receipt = play_part(report, Lineup(**lineup), **part)
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     storage, attempt = Storage.at(place), f"{PARTS}/{key}.{token_hex(4)}"
     sink = io.BytesIO()
     pq.write_table(table, sink, compression="zstd")
@@ -326,7 +325,7 @@ def keep_task(
             storage.put_folder(name, Path(draft) / "run_files")
             told = {"folder": name, "fingerprint": evidence.fingerprint, "differs": differs}
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     storage.put(receipt, json.dumps(told, sort_keys=True).encode())
     return told
 

@@ -128,7 +128,7 @@ class AuthorCalls:
             )
         if agent not in self._possible():
             raise ContractError(
-                f"agent {agent!r} joined and isn't a possible agent",
+                f"agent {agent!r} joined, but isn't in possible_agents",
                 where="join",
                 expected="one of possible_agents",
                 actual=repr(agent),

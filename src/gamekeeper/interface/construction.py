@@ -81,7 +81,13 @@ def foreign_traceback(error: BaseException) -> str:
 
 def _fix(error: BaseException, pip: str) -> str:
     if isinstance(error, ModuleNotFoundError) and error.name:
-        line = pip or f"pip install {error.name.partition('.')[0]}"
+        top = error.name.partition(".")[0]
+        if not pip and any(Path(top + end).exists() for end in ("", ".py")):
+            return (
+                f"'{top}' lies in the current folder, which only a module's imports look through: "
+                "name the environment as package.module:factory in place of a file"
+            )
+        line = pip or f"pip install {top}"
         return f"install what provides the module '{error.name}': {line}"
     if isinstance(error, ImportError) and pip:
         return pip

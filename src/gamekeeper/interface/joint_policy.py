@@ -23,7 +23,6 @@ from gamekeeper.interface.policy import (
     Choice,
     Chosen,
     Player,
-    Scheme,
     SlotPolicy,
     Start,
     guarded_seat,
@@ -51,7 +50,6 @@ def assign(
     role_names: Collection[str] = (),
     noop: Callable[[Any], Any] | None = None,
     mask_at: Callable[[Any], str | None] | None = None,
-    schemes: Mapping[str, Scheme] | None = None,
 ) -> JointPolicy:
     """A cast for an environment, settled from a user's choices.
 
@@ -66,12 +64,11 @@ def assign(
             joiners.
         noop: an agent's declared noop, None where none is declared.
         mask_at: where an agent's mask stands by its contract, None where the contract doesn't say.
-        schemes: further forms of policies, by the word before their colon.
     Raises:
         PolicyError: a policy can't be found, a choice is for nobody in the game, or `noop` is to
             play an agent without a declared noop.
     """
-    chosen = _resolved(policies, schemes)
+    chosen = _resolved(policies)
     role_of = roles or (lambda agent: None)
     noop_of = noop or (lambda agent: None)
     agents = list(possible_agents)
@@ -95,14 +92,12 @@ def assign(
     return cast
 
 
-def _resolved(policies: Choices, schemes: Mapping[str, Scheme] | None) -> dict[str, Chosen]:
+def _resolved(policies: Choices) -> dict[str, Chosen]:
     if not isinstance(policies, Mapping):
         policies = {EVERYONE: DEFAULT if policies is None else policies}
     named = {agent_name(whom): choice for whom, choice in policies.items()}
     chosen = {
-        whom: resolve(choice, schemes=schemes)
-        for whom, choice in named.items()
-        if shared_with(choice) is None
+        whom: resolve(choice) for whom, choice in named.items() if shared_with(choice) is None
     }
     if EVERYONE not in named:
         chosen[EVERYONE] = resolve(DEFAULT)

@@ -116,7 +116,7 @@ def load_file(typed: str) -> tuple[ModuleType, Path]:
         raise SpecError(
             f"{typed} isn't one of the files that the run was recorded with",
             where=str(path),
-            fix="if you trust it, say --allow-import",
+            fix="if you trust it, allow it (--allow-import)",
         )
     if name not in sys.modules:
         _run(source, path, name, typed)

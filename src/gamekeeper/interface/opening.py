@@ -56,10 +56,10 @@ def open_env(spec: object, /, *, api: str | None = None, **kwargs: Any) -> Opene
     source = _locate(bare, asked, shown=spec)
     if source.is_single and kwargs:
         raise SpecError(
-            f"{source.spec} exists already and takes no arguments",
+            f"{source.spec} is an environment object, which takes no keyword arguments",
             where="keyword arguments",
             actual=", ".join(kwargs),
-            fix="hand over its factory or class instead",
+            fix="pass its class or factory instead of the object",
         )
     built = build(source, kwargs)
     native = source.default_api or api_of(built)
@@ -184,9 +184,7 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
         )
     if len(misses) == 1:
         (miss,) = misses
-        raise SpecError(
-            miss.what, where=miss.where, expected=miss.expected, actual=miss.actual, fix=miss.fix
-        )
+        raise SpecError(**miss.parts())
     raise SpecError(
         f"no environment can be found as {shown!r}",
         actual=_looks(misses) or f"a {type(spec).__qualname__} of another form",

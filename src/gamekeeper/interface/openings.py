@@ -274,7 +274,7 @@ def _built(value: Any) -> Any:
 
 def _damaged(text: str) -> EvidenceError:
     return EvidenceError(
-        "what an episode began with can't be read",
+        "the recorded start of an episode (seed, options) can't be read",
         where="episodes, opening",
         actual=text[:200],
         fix="restore the run from a copy",

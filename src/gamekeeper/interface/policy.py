@@ -347,13 +347,7 @@ def _as_policy_error(name: str) -> Iterator[None]:
         with foreign(f"loading the policy {name}", where=name):
             yield
     except SpecError as error:
-        raise PolicyError(
-            error.what,
-            where=error.where,
-            expected=error.expected,
-            actual=error.actual,
-            fix=error.fix,
-        ) from error
+        raise PolicyError(**error.parts()) from error
 
 
 def guarded_seat(seat: AgentSlot, chosen: Chosen, policy: Policy) -> Start:

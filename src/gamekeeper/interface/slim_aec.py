@@ -185,6 +185,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
                     where="agent_iter",
                     expected="step() or reset() once in each round",
                     actual="neither",
+                    fix="call env.step(action) in each round; None for an agent that has ended",
                 )
             self._has_crossed = False
             left -= 1
@@ -252,10 +253,7 @@ def bounded(env: Any, agent: AgentId, action: Any, bounds: str) -> Any:
     if action is None and (env.terminations[agent] or env.truncations[agent]):
         return action
     if not space.contains(action):
-        told = refused(agent, action, space)
-        raise BoundsError(
-            told.what, where=told.where, expected=told.expected, actual=told.actual, fix=told.fix
-        )
+        raise BoundsError(**refused(agent, action, space).parts())
     return action
 
 

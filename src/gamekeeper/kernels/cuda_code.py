@@ -245,7 +245,7 @@ def put(place: Any, given: Any) -> None:
     found = cuda.as_cuda_array(given) if is_there else np.ascontiguousarray(given, place.dtype)
     if found.shape != place.shape or found.dtype != place.dtype:
         raise ActionError(
-            "these aren't actions of all copies",
+            "the actions don't fit all sub-environments",
             where="step(actions)",
             expected=f"{place.dtype} {place.shape}",
             actual=f"{found.dtype} {found.shape}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from gamekeeper.reporting.crowd import CROWD_LEGEND, crowd_rows
 from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import UNDEFINED, table_lines
 from gamekeeper.reporting.text_columns import item_lines, wrapped
@@ -76,7 +77,7 @@ def _recorded(document: Mapping[str, Any], width: int) -> str:
         if name in rows[0] and any(part[name] is None for part in agents.values())
     ]
     title = f"Recorded run: {_episodes(document['recorded'])}, nothing replaced"
-    return _group(title, rows, legend, width)
+    return _group(title, rows, [part["return"] for part in agents.values()], legend, width)
 
 
 def _replaced(document: Mapping[str, Any], width: int) -> str:
@@ -93,7 +94,8 @@ def _replaced(document: Mapping[str, Any], width: int) -> str:
     absent = "-: not measured, as the agent joins late or isn't among those drawn to be replaced"
     title = f"Agents replaced: {_episodes(document['fresh'], 'new')}{_named(document)}"
     legend = [*REPLACED, *_signs(parts, absent)]
-    return _group(title, rows, legend, width, above=team_sentence(document))
+    values = [(part["difference"] or {}).get("value") for part in agents.values()]
+    return _group(title, rows, values, legend, width, above=team_sentence(document))
 
 
 def _named(document: Mapping[str, Any]) -> str:
@@ -118,17 +120,27 @@ def _repeated(document: Mapping[str, Any], width: int) -> str:
     absent = "-: the agent had no action to replace"
     repeated = [each.format(stand_in=_stand_in(parts)) for each in REPEATED]
     legend = [*repeated, *_signs(parts, absent)]
-    return _group(title, rows, legend, width)
+    values = [(turn["one"] or {}).get("value") for turn in turns.values()]
+    return _group(title, rows, values, legend, width)
 
 
 def _group(
-    title: str, rows: Sequence[Sequence[str]], legend: Sequence[str], width: int, *, above: str = ""
+    title: str,
+    rows: Sequence[Sequence[str]],
+    values: Sequence[float | None],
+    legend: Sequence[str],
+    width: int,
+    *,
+    above: str = "",
 ) -> str:
-    """A table with its title and a legend of one entry a line."""
+    """A table of agents, by the values of its first column, with its title and a legend."""
     lines = wrapped(title, width, rest=INDENT)
     lines += wrapped(above, width, first=INDENT, rest=INDENT)
+    shown = crowd_rows(rows[1:], values, _number)
+    if len(shown) < len(rows) - 1:
+        legend = [*legend, CROWD_LEGEND]
     below = [line for each in legend for line in item_lines(each, width)]
-    return "\n".join([*lines, _table(rows), *below])
+    return "\n".join([*lines, _table([rows[0], *shown]), *below])
 
 
 def _signs(parts: Sequence[Mapping[str, Any] | None], absent: str) -> list[str]:

@@ -191,12 +191,13 @@ def _finding(verdict: Document, width: int) -> str:
 
 
 def _cases(verdict: Document) -> str:
-    """`broken in 80 of 80 cases; its program failed in 5 of 5 new processes, ...`."""
+    """`broken in 80 of 80 cases; the program that shows it failed in 5 of 5 new processes, ...`."""
     text = f"broken in {verdict['failed']:,} of {verdict['cases']:,} cases looked at"
     how = verdict["reproduced"]
     if how is not None:
-        text += f"; its program failed in {how['failed']} of {how['tried']} new processes"
-        text += ", and passed once its trigger was taken out" if how["unchanged_passed"] else ""
+        text += f"; the program that shows it failed in {how['failed']} of {how['tried']} new "
+        text += "processes"
+        text += ", and passed without what triggers the fault" if how["unchanged_passed"] else ""
     confidence = verdict["confidence"]
     return text if confidence >= SURE else f"{text}; confidence {confidence:.2f}"
 
@@ -279,7 +280,7 @@ def chances_text(audit: Document, *, width: int) -> str:
                 each["id"]
             )
     rows = [(cases, ", ".join(ids)) for cases, ids in by_share.items()]
-    title = "Passed on few cases (could miss a fault that shows in so large a share of cases)"
+    title = "Passed on few cases (in brackets: a fault in this share of cases may have been missed)"
     return _section(title, rows, width)
 
 

@@ -60,7 +60,10 @@ def check_text(check: Card, *, width: int) -> str:
     rows = [("fix", check["fix"]), ("severity", SEVERITIES[check["severity"]])]
     if check["confidence"] < 1:
         rows.append(("confidence", f"{check['confidence']:g}"))
-    rows += [("applies to", APIS[check["api"]]), ("needs", f"probes: {', '.join(check['needs'])}")]
+    rows += [
+        ("applies to", APIS[check["api"]]),
+        ("needs", f"probes: {', '.join(check['needs'])} (gamekeeper list probes)"),
+    ]
     rows.append(("to waive", f'[waivers] {check["id"]} = "the reason", in the contract'))
     lines += ["", *table_lines(rows, width=width)]
     return "\n".join(lines)

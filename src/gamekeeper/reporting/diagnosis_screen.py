@@ -23,7 +23,14 @@ LEFT_OUT: Final = 3
 """Things that weren't tried of which a screen has room."""
 MEMORY: Final = "memory"
 """Name of evidence that lies in no folder: no command could go on from it."""
-CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
+CAUSES: Final = {
+    "isolated": "one change restores success, and no other that was tried, unless it includes it",
+    "joint": "two changes together restore success, and neither does alone",
+    "ambiguous": "several changes restore success, or not all were tried: they can't be told apart",
+    "environment": "what restores success is the same for all agents",
+    "protocol": "what restores success is how episodes are played, or where they are cut off",
+}
+"""Answers that name a cause, and what each means."""
 
 
 def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
@@ -69,6 +76,8 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "Who", f"no agent. {answer_sentence(whole)}."
     for number, (text, names) in enumerate(groups.items()):
         yield "" if number else "Who", f"{', '.join(names)} ({text})"
+    for answer in dict.fromkeys(each["answer"] for each in _named(document).values()):
+        yield "", f"{answer}: {CAUSES[answer]}"
 
 
 def _since(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -127,7 +136,7 @@ def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     named = _named(document)
     others = [name for name in document["agents"] if name not in named]
     if named and others:
-        yield "Not named", few(others)
+        yield "Not named", f"{few(others)} (no cause found)"
 
 
 def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -171,14 +180,14 @@ def _next(document: Mapping[str, Any]) -> Sequence[str]:
     found = []
     if _named(document) and document["counterfactuals"]:
         episode = document["counterfactuals"][0]["episode"]
-        found.append(f"gamekeeper pivots {run} --episode {episode}{words}")
+        found.append(f"gamekeeper pivots {run} --episode {episode}{words}   # the lost turn")
     elif good is None and _is_failing(document) and not document.get("raised"):
-        found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}")
+        found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}   # beside one that works")
     if document["not_played"]:
         more = f" --episodes {2 * document['most_episodes']}"
         if document.get("budget") is not None:
             more += f" --budget {2 * document['budget']}"
-        found.append(f"gamekeeper diagnose {run}{words}{more}")
+        found.append(f"gamekeeper diagnose {run}{words}{more}   # and what wasn't tried")
     beside = "" if good is None else f" --good {shlex.quote(good['good'])}"
-    found.append(f"gamekeeper diagnose {run}{beside}{words} --all")
+    found.append(f"gamekeeper diagnose {run}{beside}{words} --all   # all that was played")
     return found

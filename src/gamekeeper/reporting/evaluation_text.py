@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.episodes.plain_json import legible
+from gamekeeper.reporting.crowd import MOST_ROWS, crowd_rows
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import MINUS, columns_of, item_lines, wrapped
 from gamekeeper.statistics.interval import rounded
 
 INDENT: Final = "  "
-MOST_AGENTS: Final = 12
-"""Agents whose returns are shown; the document has more, the raw episodes all."""
+MOST_COMPARED: Final = 8
+"""Most agents of whom a comparison is shown; the document has more."""
 MOST_POLICIES: Final = 5
 """Policies that have a column in a table of agents."""
 MOST_CELLS: Final = 30
@@ -211,15 +212,13 @@ def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
     # Without rows of the team and of roles, agents have been shown in their place.
     if len(agents) < 2 or all(row["scope"] == "agent" for row in returns):
         return
-    by_key = {(row["policy"], row["who"]): _value(row["mean"]) for row in shown}
-    cells = [("agent", *policies)]
-    cells += [
-        (agent, *(by_key.get((policy, agent), "-") for policy in policies))
-        for agent in agents[:MOST_AGENTS]
+    means = {(row["policy"], row["who"]): row["mean"] for row in shown}
+    cells = [
+        (agent, *(_value(means.get((policy, agent))) for policy in policies)) for agent in agents
     ]
-    yield from table_lines(cells, width=width, right=range(1, len(policies) + 1))
-    if len(agents) > MOST_AGENTS:
-        yield f"{INDENT}... and {len(agents) - MOST_AGENTS} more agents"
+    values = [(means.get((policies[0], agent)) or {}).get("value") for agent in agents]
+    table = [("agent", *policies), *crowd_rows(cells, values, _number)]
+    yield from table_lines(table, width=width, right=range(1, len(policies) + 1))
 
 
 def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
@@ -227,7 +226,8 @@ def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
     cells: list[tuple[str, ...]] = [
         ("environment", f"A {MINUS} B", "of", "metric", "difference", "p", "d", "P(A > B)")
     ]
-    for row in rows:
+    shown, others = _told_apart(rows)
+    for row in shown:
         difference, improvement = row["difference"], row["improvement"]
         p, size = ((difference or {}).get(key) for key in ("p", "effect_size"))
         cells.append(
@@ -246,6 +246,21 @@ def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
         cells = [cell[1:] for cell in cells]
     last = len(cells[0]) - 1
     yield from _fitted(cells, width, right=(last - 2, last - 1), spare=(last - 1, last, last - 2))
+    if others:
+        yield f"{INDENT}... and {others} more of single agents; --json has each"
+
+
+def _told_apart(rows: Sequence[Row]) -> tuple[list[Row], int]:
+    """Comparisons of teams and roles, and those of agents with the least p; how many more."""
+
+    def key(row: Row) -> tuple[float, float]:
+        difference = row["difference"] or {}
+        p, value = difference.get("p"), difference.get("value")
+        return (1.0 if p is None else p, -abs(value or 0.0))
+
+    agents = sorted((row for row in rows if row["scope"] == "agent"), key=key)
+    left_out = {id(row) for row in agents[MOST_COMPARED:]} if len(agents) > MOST_ROWS else set()
+    return [row for row in rows if id(row) not in left_out], len(left_out)
 
 
 def _curves(name: str, points: Sequence[Row], level: float, width: int) -> Iterator[list[str]]:

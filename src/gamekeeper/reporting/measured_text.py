@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
+from gamekeeper.reporting.crowd import crowd_rows
 from gamekeeper.reporting.influence_text import influence_text, lag_unit
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import column_lines, wrapped
@@ -59,12 +60,16 @@ FITS: Final = {
 ERRORS: Final = "The environment raised exceptions, so this was left out of the measurement"
 ADVICE: Final = "Which API fits this game"
 TICK: Final = "tick: one step in which every live agent acts once."
+SCHEDULE: Final = (
+    "stages: roles that act together, then those that act after them; order: of the agents of a "
+    'stage ("none": simultaneously); observe: observations are of the time after the tick, or '
+    "after a turn; conflicts: what settles actions that exclude each other (a joint rule needs no "
+    "order)."
+)
 SYMMETRIC: Final = (
     "symmetric: agents of one role seem interchangeable. p-value: how likely returns as unequal as "
     "these would be if they were; 0.01 or less counts as no."
 )
-MOST_AGENTS: Final = 8
-"""Agents that are shown one by one."""
 MOST_COLUMNS: Final = 150
 """Characters of one value in the table; the JSON document has all of it."""
 
@@ -89,7 +94,8 @@ def measured_text(audit: Document, *, width: int) -> str:
     parts = []
     if rows:
         lines = list(column_lines([("", "measured", "declared"), *rows], width=width))
-        for legend in [TICK, *([SYMMETRIC] if measured.get("symmetric") else [])]:
+        legends = {"stages": SCHEDULE, "symmetric": SYMMETRIC}
+        for legend in [TICK, *(text for key, text in legends.items() if measured.get(key))]:
             lines += wrapped(legend, width, first=INDENT, rest=INDENT)
         parts.append("\n".join(["Measured beside declared", *lines]))
     parts.append(agents_text(measured, width=width))
@@ -147,12 +153,12 @@ def agents_text(measured: Document, *, width: int) -> str:
     if not shown:
         return ""
     rows = [("agent", *(COLUMNS.get(key) or key.replace("_", " ") for key in shown))]
-    for name, row in list(by_agent.items())[:MOST_AGENTS]:
-        rows.append((name, *(words(row.get(key)) for key in shown)))
+    found = [(name, *(words(row.get(key)) for key in shown)) for name, row in by_agent.items()]
+    firsts = [row.get(shown[0]) for row in by_agent.values()]
+    values = [float(each) if isinstance(each, int | float) else None for each in firsts]
     right = range(1, len(shown) + 1)
-    lines = list(table_lines(rows, width=max(width, 60), right=right))
-    if len(by_agent) > MOST_AGENTS:
-        lines.append(f"{INDENT}... and {len(by_agent) - MOST_AGENTS} more agents")
+    table = [*rows, *crowd_rows(found, values, words)]
+    lines = list(table_lines(table, width=max(width, 60), right=right))
     return "\n".join(["Measured by agent", *lines])
 
 
@@ -220,7 +226,7 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        return f"acts on the world, so it isn't a message, {value['n']:,} comparisons"
+        return f"its action changes the world, so it isn't a message, {value['n']:,} comparisons"
     return f"its action is a message to {words(value['to'])}, {value['n']:,} comparisons"
 
 

@@ -13,6 +13,7 @@ from gamekeeper.contract.validation import one_line
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.reporting.card import card_text
+from gamekeeper.reporting.crowd import CROWD_LEGEND, crowd_rows
 from gamekeeper.reporting.text_columns import columns_of, filled, one_cell, wrapped
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ FEW: Final = 8
 """Elements of an array that is shown whole; of a larger one the first that differs is shown."""
 SUMMARY_LEGEND: Final = (
     "return, length in actions: mean over the episodes that the agent was in; "
-    "share: of the team's return; idle: declared noops among its actions"
+    "share: of the team's return; idle: declared noops among its actions; "
+    "endings: in how many episodes"
 )
 UNDEFINED: Final = {
     "share": "share -: undefined, as a return is negative or their sum is 0",
@@ -55,23 +57,25 @@ def brief_card(contract: Contract, agents: Iterable[AgentSpec], *, name: str, wi
     return "\n\n".join(blocks)
 
 
-def summary_text(summary: Summary, *, width: int, most: int | None = None) -> str:
+def summary_text(summary: Summary, *, width: int) -> str:
     """A row for each agent: return, length, share, idle, endings. No average over agents.
+
+    Of a crowd those whose return is furthest from the median come first, the others in one row.
 
     Args:
         summary: of a run.
         width: columns that no line exceeds, as far as names allow.
-        most: most agents that are shown; the others are counted.
     """
     head, *rows = summary.rows()
     if not rows:
         return f"{INDENT}no agent has acted"
-    shown = rows if most is None else rows[:most]
+    returns = [agent.return_mean for agent in summary.agents.values()]
+    shown = crowd_rows(rows, returns, lambda value: f"{value:.3f}")
     lines = list(table_lines([head, *shown], width=width, right=NUMBERS))
-    if len(shown) < len(rows):
-        lines.append(f"{INDENT}... and {len(rows) - len(shown)} more agents")
     blank = [why for name, why in UNDEFINED.items() if "-" in (r[head.index(name)] for r in shown)]
-    legend = "; ".join([SUMMARY_LEGEND, *blank])
+    legend = "; ".join(
+        [SUMMARY_LEGEND, *blank, *([CROWD_LEGEND] if len(shown) < len(rows) else [])]
+    )
     return "\n".join([*lines, *wrapped(legend, width, first=INDENT, rest=INDENT)])
 
 
@@ -127,11 +131,11 @@ def origin_facts(evidence: Evidence) -> list[tuple[str, str]]:
 
 
 def digests_text(evidence: Evidence) -> str:
-    """The fingerprint of a run and its root digest, a line each, and what they are of."""
+    """The fingerprint of a run and its root digest, a line each, and what they are hashes of."""
     root = evidence.root or "none yet"
     return (
         f"  fingerprint  {evidence.fingerprint or 'none yet'}\n  root digest  {root}\n"
-        "  fingerprint: of what happened; root digest: of every byte of the folder"
+        "  fingerprint: hash of what happened; root digest: hash of all bytes of the folder"
     )
 
 

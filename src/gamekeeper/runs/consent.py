@@ -21,7 +21,7 @@ from gamekeeper.runs.load_run import load
 RULES: Final = {
     "allow_import": "you allowed it with --allow-import",
     "named": "you named it with --env",
-    "own_run": "it is your own run, recorded here and unchanged",
+    "own_run": "the run is your own, recorded here and unchanged",
     "installed": "it is an installed package",
     "in_memory": "this process has just played it",
 }
@@ -45,7 +45,7 @@ class Consent:
 
     def __str__(self) -> str:
         entries = ", ".join(entry or "the current folder" for entry in self.pythonpath)
-        return f"opened because {RULES[self.rule]}" + (
+        return f"environment opened because {RULES[self.rule]}" + (
             f"; PYTHONPATH: {entries}" if entries else ""
         )
 
@@ -119,9 +119,9 @@ def _rule(
     reason = None
     if env is None:
         reason = distrust(identity if isinstance(identity, Mapping) else {})
-    fix = "if you trust it, say --allow-import; or name the environment yourself with --env"
+    fix = "if you trust it, allow it (--allow-import); or name the environment yourself with --env"
     if reason is None:
-        fix = "if you trust it, say --allow-import"
+        fix = "if you trust it, allow it (--allow-import)"
         reason = next(filter(None, map(distrust_policy, policies)), None)
     if reason is None:
         return ("installed" if env is None else "named"), {}

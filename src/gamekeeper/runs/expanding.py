@@ -27,7 +27,7 @@ from gamekeeper.runs.first_check import DIVERGED, NOT_CHECKED, PASSED
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder
 from gamekeeper.runs.replay_runner import ReplayRunner, check_named, opened_again
-from gamekeeper.runs.worker_errors import error_fields, error_in
+from gamekeeper.runs.worker_errors import error_in
 
 TASK: Final = "gamekeeper.runs.expanding:expand_task"
 FULL: Final = "full"
@@ -253,7 +253,7 @@ def expand_task(
     try:
         play_whole(load(path), out, env=env, report=report)
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     return {"error": None}
 
 

@@ -196,7 +196,7 @@ class RunRecorder:
         self._is_closed = False
         self._process = os.getpid()
         self._described: object = None
-        self._journaled, self._encoded_at = Counts(), time.monotonic()
+        self._journaled, self._encoded_at, self._flushed_at = Counts(), time.monotonic(), 0.0
         self._buffered: BufferedTurns | None = None
         self.after_flush: Callable[[BufferedTurns], None] = no_watch
         """Called in the thread once buffered turns are written."""
@@ -275,7 +275,11 @@ class RunRecorder:
             self._flush()
 
     def _flush(self) -> None:
-        if not self._is_due() and self._journal():
+        now = time.monotonic()
+        is_early = now - self._flushed_at < FLUSH_S / 2  # many turns: encoding will take them soon
+        self._flushed_at = now
+        # the journal first: what comes while columns are made waits no longer than always
+        if not (is_early and self._is_due()) and self._journal() and not self._is_due():
             return
         self._encode()
         while self._frames:

@@ -53,12 +53,6 @@ def error_in(outcome: TaskOutcome) -> GamekeeperError | None:
     raise WorkerFault(outcome.traceback or outcome.error or outcome.status)
 
 
-def error_fields(error: GamekeeperError) -> dict[str, str]:
-    """The fields from which `error_of` builds the same error again."""
-    parts = {name: getattr(error, name) for name in ("what", "where", "expected", "actual", "fix")}
-    return {"kind": type(error).__name__, **parts}
-
-
 def error_of(fields: Mapping[str, str]) -> GamekeeperError:
     """The error whose fields came from a worker process."""
     kind: type[GamekeeperError] = getattr(errors, fields["kind"], GamekeeperError)

@@ -23,7 +23,6 @@ from gamekeeper.interface.policy import distrust_policy
 from gamekeeper.interface.slim import described_slim
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
 from gamekeeper.runs.recording import RolloutProgress, cast_of, record_rollout
-from gamekeeper.runs.worker_errors import error_fields
 from gamekeeper.terminal import say
 
 # -- What worker processes do with environments: record a rollout, look at a game form
@@ -51,9 +50,9 @@ def record_task(report: Report, *, plan: Mapping[str, Any], out: str) -> dict[st
     except EnvError as error:
         if error.__cause__ is not None:
             say(foreign_traceback(error.__cause__))
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     return {"error": None}
 
 
@@ -84,7 +83,7 @@ def contract_task(
             if policies:
                 cast_of(policies, opened.env, declared)
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     return {
         "error": None,
         "name": form.name or opened.identity["name"],
@@ -185,7 +184,7 @@ def now_task(
             specs = agent_specs(opened.env, declared or Contract())
             versions = {name: _version(name, opened.env, declared) for name in policies}
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     return {
         "error": None,
         "identity": opened.identity,

@@ -69,7 +69,7 @@ class _Watched:
         """
         if not width > 0:
             raise EvidenceError(
-                "no interval is so narrow",
+                "the width of an interval can't be 0 or less",
                 where=f"{type(self).__name__}.stop_at",
                 expected="a width over 0",
                 actual=str(width),

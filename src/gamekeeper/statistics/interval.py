@@ -97,7 +97,7 @@ def check_level(level: float, where: str, *, most: float = 0.99) -> None:
     """
     if not 0.8 <= level <= most:
         raise EvidenceError(
-            "no interval of this level",
+            "there is no interval of this level",
             where=where,
             expected=f"level in [0.8, {most}]",
             actual=str(level),
@@ -177,7 +177,7 @@ def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
     Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
     """
     rare = n // RULE_OF_THREE
-    missed = f": another that comes once in {rare}, or more rarely, may not be among them"
+    missed = f": another value that comes once in {rare} {unit} or more rarely may not be there"
     return EvidenceError(
         f"all {n} {unit} have the same value, so nothing is known of its spread"
         f"{missed if rare > 1 else ''}",

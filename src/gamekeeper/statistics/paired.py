@@ -128,7 +128,7 @@ def _differences(base: FloatArray, changed: FloatArray, level: float) -> FloatAr
     enough(len(one), FEWEST, "pairs", where="paired_effect")
     if not 0.8 <= level <= 0.999:
         raise EvidenceError(
-            "no interval of this level",
+            "there is no interval of this level",
             where="paired_effect",
             expected="level in [0.8, 0.999]",
             actual=str(level),

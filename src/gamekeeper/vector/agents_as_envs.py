@@ -66,7 +66,7 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
         """
         if isinstance(seed, list):
             raise SpecError(
-                "one seed names a run, from which every episode has its own",
+                "the seed isn't one whole number",
                 where="seed",
                 expected="a whole number or None",
                 actual=repr(seed)[:80],

@@ -196,7 +196,7 @@ class KernelEngine:
         """
         if self._recorder is not None and self._recorder.is_begun:
             raise OrderError(
-                "copies that are recorded were reset a second time",
+                "recorded sub-environments were reset a second time",
                 fix="close the vector environment, and make another one for another run",
             )
         self._batch.reset(seed)

@@ -126,7 +126,7 @@ class VectorEnv:
         self._check(begun=False)
         if self._is_begun and self._in_order is not None:
             raise OrderError(
-                "copies that are recorded were reset a second time",
+                "recorded sub-environments were reset a second time",
                 fix="close the vector environment, and make another one for another run",
             )
         said = self._engine.reset(self._seed if seed is None else int(seed), options)

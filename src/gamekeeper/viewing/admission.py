@@ -104,13 +104,7 @@ def refusal(
 
 def error_answer(error: GamekeeperError, *, status: int, as_page: bool = False) -> Response:
     """One of our errors as an answer."""
-    return refusal(status, **error_fields(error), as_page=as_page)
-
-
-def error_fields(error: GamekeeperError) -> dict[str, str]:
-    """One of our errors as plain data."""
-    names = ("what", "where", "expected", "actual", "fix")
-    return {"kind": type(error).__name__, **{name: str(getattr(error, name)) for name in names}}
+    return refusal(status, **error.to_json(), as_page=as_page)
 
 
 def page_answer(body: str, *, title: str, status: int = 200, head: str = "") -> Response:

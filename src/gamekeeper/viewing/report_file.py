@@ -274,7 +274,7 @@ def _page(
         lead=lead_of(runs),
         answers=answers_of(main, documents),
         not_asked=not_asked(main, documents, env=env_words(main.evidence) or "ENV"),
-        alerts=(*alerts_of(runs), *_row_alerts(main)),
+        alerts=(*alerts_of(runs, answered=main), *_row_alerts(main, documents.audit)),
         runs=tuple(run.card for run in (*runs, *counterfactuals)),
         sections=sections_of(runs, documents, version=__version__, rng=np.random.default_rng(SEED)),
         episodes=entries,
@@ -284,13 +284,13 @@ def _page(
     )
 
 
-def _row_alerts(run: ShownRun) -> Iterator[str]:
-    """An alert where the rows of a run break rules; their places are the audit's to say."""
-    failed = failed_rows(run.evidence)
-    if failed:
-        rules = " ".join(f"{each.id}: {each.claim}" for each in failed)
-        where = f"`gamekeeper audit {run.path}` says where."
-        yield f"The rows of run {run.key} break rules. {rules} {where}"
+def _row_alerts(run: ShownRun, audit: Mapping[str, Any] | None) -> Iterator[str]:
+    """An alert for each rule that the rows of a run break, and that its audit doesn't name."""
+    told = {each["id"] for each in (audit or {}).get("verdicts", ()) if each["outcome"] == "failed"}
+    for each in failed_rows(run.evidence):
+        if each.id not in told:
+            where = f" First at {each.findings[0].where}." if each.findings else ""
+            yield f"The recorded rows break {each.id}: “{each.claim}”{where}"
 
 
 def _in_order(

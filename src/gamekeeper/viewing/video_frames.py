@@ -23,7 +23,7 @@ from gamekeeper.runs.recorder import encode_frame
 from gamekeeper.runs.recording import open_rendered
 from gamekeeper.runs.replay_runner import compact
 from gamekeeper.runs.reset_chain import chain_of
-from gamekeeper.runs.worker_errors import error_fields, error_of
+from gamekeeper.runs.worker_errors import error_of
 
 TASK: Final = "gamekeeper.viewing.video_frames:render_task"
 FOLDER: Final = "frames"
@@ -114,7 +114,7 @@ def render_task(
         opened = _opened(evidence, env)
         divergence = _played(evidence, opened, episode, Path(out), report)
     except GamekeeperError as error:
-        return {"error": error_fields(error), "fps": None, "divergence": None}
+        return {"error": error.to_json(), "fps": None, "divergence": None}
     metadata = getattr(opened.env, "metadata", None)
     fps = metadata.get("render_fps") if isinstance(metadata, Mapping) else None
     is_number = isinstance(fps, int | float) and 0 < fps < 1000

@@ -227,7 +227,7 @@ class Viewer:
             raise GamekeeperError(
                 f"port {port} can't be used: {error.strerror or error}",
                 where="--port",
-                fix="name another one, or leave --port out to get a free one",
+                fix="give another --port, or leave it out to get a free one",
             ) from error
         self.port: int = self._connections.server_port
         admission = Admission(

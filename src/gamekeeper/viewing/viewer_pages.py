@@ -106,7 +106,7 @@ def _answer(
         # Figures of a run that grows would be wrong soon.
         answers=() if is_open else answers_of(main, documents),
         not_asked=not_asked(main, documents, env=env_words(main.evidence) or "ENV"),
-        alerts=alerts_of(runs),
+        alerts=alerts_of(runs, answered=None if is_open else main),
         runs=tuple(run.card for run in runs),
         sections=sections,
         links=links,

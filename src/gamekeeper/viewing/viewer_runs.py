@@ -17,7 +17,6 @@ from gamekeeper.reporting.page.episode_list import entries_of
 from gamekeeper.runs.files.folder import MANIFEST
 from gamekeeper.runs.files.notes import NOTES
 from gamekeeper.runs.load_run import load
-from gamekeeper.viewing.admission import error_fields
 from gamekeeper.viewing.report_file import Pictures
 
 SOONEST_S: Final = 1.0
@@ -167,7 +166,7 @@ def _fingerprints(evidence: Evidence) -> dict[int, str | None]:
 
 def _failed(before: Edition, error: GamekeeperError) -> Edition:
     """The earlier edition, with the error of reading a newer one."""
-    fields = error_fields(error)
+    fields = error.to_json()
     if fields == before.error:
         return before
     return replace(before, number=before.number + 1, error=fields)
@@ -178,7 +177,7 @@ def _labels_of(run: Path) -> tuple[list[dict[str, Any]], Mapping[str, str] | Non
     try:
         return [each.to_json() for each in labels(run)], None
     except GamekeeperError as error:
-        return [], error_fields(error)
+        return [], error.to_json()
 
 
 def _written(folder: Path) -> float:

@@ -17,7 +17,7 @@ from gamekeeper.viewing.viewer_runs import ServedRun
 from tests.reporting.page.games import recorded
 from tests.runs.test_recover import torn
 
-STOPPED = "episode 1 is unfinished: its recording stopped after 3 steps."
+STOPPED = "Episode 1 is unfinished: its recording stopped after 3 steps."
 
 
 def test_page_of_a_killed_run_says_so_before_and_after_it_is_recovered(tmp_path: Path) -> None:
@@ -72,6 +72,6 @@ def test_failed_episodes_are_counted_among_all() -> None:
     figures = figures_of(evidence)
     headers = (figures.headers[0], {**figures.headers[1], "error": "ValueError: no"})
     failed, _ = failing(evidence, replace(figures, headers=headers))
-    assert failed_text(failed) == "1 of 2 episodes; 1 unknown"
-    assert failed_text([False, True, True]) == "2 of 3 episodes"
-    assert failed_text([None]) == "unknown"
+    assert failed_text(failed) == "1 of 2 episodes failed; of 1 it isn't known"
+    assert failed_text([False, True, True]) == "2 of 3 episodes failed"
+    assert failed_text([None]) == "not known of any episode"

@@ -298,7 +298,8 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     cause = found["Likely cause"]
     restored = next(each for each in told["counterfactuals"] if each["restored"])
     assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link
-    assert cause.word == "isolated"
+    assert (cause.word, "isolated" in cause.text) == ("one_0", True)
+    assert "new episodes succeed; unchanged, " in found["Otherwise"].text
     assert "Lowest return" not in found  # the lowest is often another agent's than the cause
 
 
@@ -332,7 +333,7 @@ def test_first_screen_says_which_turn_lost_an_episode() -> None:
 
 def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: Path) -> None:
     """The first claim of an evaluation, the command of a replay, and that of playing on."""
-    recorded(tmp_path / "run")
+    gk.rollout("tictactoe", episodes=1, out=tmp_path / "run")
     run = opened(tmp_path / "run", key="a")
     told = Documents(evaluation={"claims": ["a beats b.", "c."], "refused": [{}]})
     found = {each.question: each for each in answers_of(run, told)}
@@ -341,7 +342,7 @@ def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: 
     block = not_asked(replace(run, failed=(True,)), told, env="ENV")
     assert block is not None
     assert "pivots" in block.title
-    assert f"gamekeeper view {run.path} --interactive" in block.snippets[0][1]
+    assert f"`gamekeeper view {run.path} --interactive`" in found["Otherwise"].text
 
 
 def test_missing_run_is_refused(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ class Collector(BaseCollector):
     ) -> None:
         if not isinstance(env, AgentsVectorEnv):
             raise SpecError(
-                "this collector takes decisions of agents",
+                "the collector needs an environment of vector_env()",
                 where="env",
                 expected="what vector_env returned",
                 actual=type(env).__qualname__,
@@ -205,10 +205,10 @@ class Collector(BaseCollector):
             out = self.policy(given)
         if _has_values(out.get("state")):
             raise SpecError(
-                "a policy with a hidden state isn't taken along from step to step",
+                "the hidden state of a policy isn't kept from step to step",
                 where="policy",
                 actual=type(self.policy).__qualname__,
-                fix="stack what was seen, in the environment, and take a feed-forward network",
+                fix="stack past observations in the environment, and use a feed-forward network",
             )
         acts = to_numpy(out.act)
         if self.exploration_noise:
@@ -337,7 +337,7 @@ def vector_env(
         SpecError: see *refused*.
         ContractError: the audit found that the environment breaks its contract.
     """  # noqa: E501  # a row of a table is one line
-    check_choice(algorithms, SHARES, "there is no such share", where="algorithms")
+    check_choice(algorithms, SHARES, "algorithms= has no such value", where="algorithms")
     checked(spec, check, env_kwargs=env_kwargs)
     slots = TianshouAgents(
         spec, num_envs, role=role, others=others, seed=seed, env_kwargs=env_kwargs, **options

@@ -38,8 +38,8 @@ def endings_reach_all_whom_they_are_declared_for(
 ) -> Iterator[Case]:
     """An ending that is declared to be everybody's, or a role's, ends all of them at once.
 
-    Who goes on playing after the game is over for the others earns rewards in a world that the
-    rules don't describe.
+    An agent that goes on playing after the game is over for the others earns rewards in a world
+    that the rules don't describe.
 
     Bad: `cleared = { kind = "termination", owner = "all" }`, and only the carrier terminates.
 

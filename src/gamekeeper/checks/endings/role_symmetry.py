@@ -151,7 +151,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Agents of a role that is declared symmetric are interchangeable: names don't decide.
 
-    Who shares one policy among a role's agents, or swaps them in evaluation, relies on it. A hidden
+    One policy for all agents of a role, and swapping them in evaluation, rely on it. A hidden
     priority (the lowest index wins every conflict) shows here too.
 
     Under random play the returns, numbers of actions and terminations of the agents that begin an

@@ -192,8 +192,8 @@ STATE_TWICE_PROOF = (
 def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """state() says the same when it is asked twice at one moment: it neither draws nor counts.
 
-    What differs from one call to the next isn't the game's state; if it is drawn from the game's
-    own generator, asking also changes the future.
+    A value that differs from one call to the next isn't the game's state; if it is drawn from the
+    game's own generator, calling state() also changes the future.
 
     Bad:
         return self.table() + self.rng.normal(0, 0.01, 12)

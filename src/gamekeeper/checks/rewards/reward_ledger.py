@@ -166,7 +166,7 @@ def _told(trace: Episode, last: Mapping[int, Any]) -> Iterator[ToldReward]:
 def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Every reward is accumulated: `last()` gives all that was paid since the agent's last turn.
 
-    Who reads `last()` learns from what it says. Rewards that are set and never accumulated,
+    Learners get their rewards from `last()`. Rewards that are set and never accumulated,
     accumulated before they are set, or cleared before their agent's turn came, are lost to it or
     come with the wrong turn; an ended agent reads its last reward at its None turn.
 
@@ -293,8 +293,8 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[
 def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The None step of a dead agent pays nobody: rewards from before it are cleared, not left over.
 
-    What still stands in `rewards` after such a step is counted again by everybody who sums it up: a
-    converter to the Parallel API, a recorder, a score.
+    A reward that still stands in `rewards` after such a step is counted again by all code that sums
+    it up: a converter to the Parallel API, a recorder, a score.
 
     Bad:
     ```python

@@ -396,8 +396,8 @@ def reset_returns_two_dictionaries_and_step_five(
 def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent that has left the game stands no longer in observations or infos.
 
-    Whoever takes the keys of the observations for the agents that are to act next hands over
-    actions of the dead, and stores steps that they never made.
+    A training loop that takes the keys of the observations for the agents that act next hands over
+    actions of agents that have ended, and stores steps that they never made.
 
     Bad: `observations = {a: see(a) for a in self.possible_agents}` in every step.
 

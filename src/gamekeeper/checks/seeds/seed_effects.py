@@ -49,8 +49,8 @@ SEEDS: Final = 16
 def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Different seeds give different episodes where a game draws; the seed isn't ignored.
 
-    Who trains on a thousand seeds trains on one, and a test on other seeds tests nothing. A game
-    without any randomness keeps it: judged only where there is chance, seen in one of two ways.
+    Training on a thousand seeds is else training on one, and a test on other seeds tests nothing. A
+    game without any randomness passes: judged only where there is chance, seen in one of two ways.
     Resets without a seed lead to different openings, while 16 seeds give equal plays: where seeds
     are obeyed that needs one opening of a probability near 1, and happens in fewer than one of
     1,000 environments. Or resets without a seed give that same play too, and yet it goes another

@@ -44,9 +44,9 @@ from gamekeeper.contract import Contract
 def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The game draws from a generator of its own, not from the global ones of numpy, random, torch.
 
-    Whoever else draws from them, a learner or a second environment, changes the game, and reset's
-    seed doesn't settle it. They are seeded anew before the reset and between all turns; a play in
-    which nobody does is compared with that.
+    Other code that draws from global generators, a learner or a second environment, changes the
+    game, and reset's seed doesn't settle it. Tested by an episode in which they are seeded anew
+    before the reset and between all turns, compared with one in which they aren't.
 
     Bad:
 
@@ -171,8 +171,8 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     """reset(seed) starts the same play in a used instance as in a fresh one; no state survives it.
 
     Training runs thousands of episodes in one instance; where something of the last one is left,
-    no episode can be played again on its own. The same episode goes before, or one of another seed
-    that is cut in its middle.
+    no episode can be played again on its own. Tested after the same episode, and after one of
+    another seed that is cut in its middle.
 
     Bad: what one step has noted stays for the next episode.
 

@@ -163,7 +163,7 @@ def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
 def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An info that was handed out, an action mask in it too, doesn't change at a later turn.
 
-    Whoever keeps infos, masks above all, for learning later finds those of another turn.
+    A buffer that keeps infos, masks above all, for learning later then has those of another turn.
 
     Bad:
 
@@ -280,7 +280,8 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Itera
 def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The infos of two agents are not one dictionary, nor do they share an array.
 
-    What is put into one agent's info, by a wrapper for instance, stands in the other's too.
+    An entry that is put into one agent's info, by a wrapper for instance, stands in the other's
+    too.
 
     Bad:
 

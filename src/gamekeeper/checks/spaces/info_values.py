@@ -109,7 +109,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A field of the infos has the dtype and the shape that the contract declares for it.
 
-    Whoever makes a table of the infos makes its columns from the declaration.
+    A table of the infos has the columns that the declaration says.
 
     Bad:
 

@@ -104,7 +104,7 @@ class WeighedVector(Transform):
         if not parts.any():
             return 0.0
         raise ContractError(
-            f"the reward of {agent!r} has other parts than there are weights",
+            f"the reward of {agent!r} has another number of parts than there are weights",
             where="weigh_rewards",
             expected=f"{len(self._weights)} parts",
             actual=f"shape {parts.shape}",

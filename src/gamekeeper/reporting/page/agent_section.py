@@ -313,7 +313,7 @@ def _team(
             shown(mean.value)
             + (f" ({interval(mean.low, mean.high)})" if mean.low is not None else ""),
         ),
-        ("failed", failed_text(failed)),
+        ("outcome", failed_text(failed)),
         ("failure condition", condition),
     ]
     errors = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypedDict
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from gamekeeper.checks.verdict import SEVERITIES
 from gamekeeper.reporting.diagnosis_text import answer_sentence
 from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
 from gamekeeper.reporting.page.page_data import Answer, PageBlock, shown
-from gamekeeper.reporting.page.page_html import quoted
+from gamekeeper.reporting.page.page_html import env_words, quoted
 from gamekeeper.reporting.page.pivot_marks import pivot_marks
 from gamekeeper.reporting.pivots_text import kept_by, no_pivot_text
 from gamekeeper.reporting.results_text import few, last_line
@@ -21,12 +21,21 @@ if TYPE_CHECKING:
 
 Document = Mapping[str, Any]
 
-STATES: Final = {
-    "finalized": ("passed", "The run is complete"),
-    "recovered": ("warn", "The recorder was killed; what it had written was recovered"),
-    "open": ("warn", "The run is still recorded, or its recorder was killed"),
-    "failed": ("failed", "The recording failed"),
-}
+STATES: Final = {"finalized": "passed", "recovered": "warn", "open": "warn", "failed": "failed"}
+"""Style of a run's status."""
+MOST_UNFINISHED: Final = 3
+"""Most unfinished episodes that a sentence names."""
+MOST_BROKEN: Final = 3
+"""Most broken rules that the first screen names."""
+
+
+class Link(TypedDict, total=False):
+    """Address and words of an answer's link."""
+
+    link: str
+    link_text: str
+
+
 NAMED: Final = ("isolated", "joint", "ambiguous")
 """Answers of a diagnosis that name agents."""
 NO_AGENTS: Final = ("environment", "protocol")
@@ -47,9 +56,10 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         _verified(run),
         _outcome(run),
         _cause(run, documents.diagnosis),
+        _findings(documents.audit),
+        _otherwise(run, documents),
         _lost(run, documents.pivots),
         _least(run, documents),
-        _findings(documents.audit),
         _compared(documents.evaluation),
         _again(run),
     )
@@ -59,21 +69,47 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
 def _state(run: ShownRun) -> Answer:
     """State of the recording; an episode that broke off comes first."""
     status = run.card.status
-    badge, text = STATES.get(status, ("plain", "The run is in memory"))
-    for header in run.figures.headers:
-        if header.get("error"):
-            text += f"; episode {header['episode']} ended with {last_line(header['error'])}"
-            return Answer("State", f"{text}.", "failed", "failed", **_last_turn(run, header))
-        if header.get("end") in UNFINISHED:
-            text += f"; episode {header['episode']} is unfinished"
-            return Answer("State", f"{text}.", status, "warn", **_last_turn(run, header))
-    return Answer("State", f"{text}.", status, badge)
+    text = " ".join(state_texts(run)) or (
+        "The run is complete." if status in STATES else "The run is in memory."
+    )
+    cut = _cut(run)
+    if not cut:
+        return Answer("State", text, status, STATES.get(status, "plain"))
+    word, badge = ("failed", "failed") if cut[0].get("error") else (status, "warn")
+    return Answer("State", text, word, badge, **_last_turn(run, cut[0]))
+
+
+def state_texts(run: ShownRun) -> Iterator[str]:
+    """Sentences about a run that is incomplete, and the command that finalizes an open one."""
+    if run.evidence.not_whole:
+        yield run.evidence.not_whole
+    if run.card.status == "open":
+        yield f"If it was killed: `gamekeeper recover {quoted(run.path)}`."
+    cut = [f"episode {header['episode']} {_stopped(run, header)}" for header in _cut(run)]
+    if cut:
+        text = few(cut, most=MOST_UNFINISHED)
+        yield f"{text[0].upper()}{text[1:]}."
+
+
+def _cut(run: ShownRun) -> list[Mapping[str, Any]]:
+    """Headers of episodes that raised or are unfinished; those that raised come first."""
+    headers = run.figures.headers
+    raised = [header for header in headers if header.get("error")]
+    unfinished = [header for header in headers if header.get("end") in UNFINISHED]
+    return [*raised, *(header for header in unfinished if not header.get("error"))]
+
+
+def _stopped(run: ShownRun, header: Mapping[str, Any]) -> str:
+    """The reason why an episode is unfinished."""
+    if header.get("error"):
+        return f"ended with an error: {last_line(header['error'])}"
+    return f"is unfinished: its recording stopped after {run.evidence.turns_of(header)} steps"
 
 
 def _verified(run: ShownRun) -> Answer:
     """Files against their checksums; a page never replays."""
     root = run.evidence.root
-    link = {"link": "#provenance", "link_text": "provenance"}
+    link: Link = {"link": "#provenance", "link_text": "provenance"}
     if root is None:
         text = "A run that isn't finalized has no checksums to compare."
         return Answer("Files", text, "not compared", "warn", **link)
@@ -86,7 +122,7 @@ def _outcome(run: ShownRun) -> Answer | None:
     if all(each is None for each in run.failed):
         return _paid(run)
     bad = [k for k, each in enumerate(run.failed) if each]
-    text = f"{failed_text(run.failed)} failed ({run.condition})."
+    text = f"{failed_text(run.failed)} ({run.condition})."
     if not bad:
         return Answer("Outcome", text, "passed", "passed")
     return Answer(
@@ -105,7 +141,8 @@ def _paid(run: ShownRun) -> Answer | None:
         returns = f"{low} in every episode{_winner(run)}"
     text = f"No condition of failure is declared. Return of all agents together: {returns}."
     header = run.figures.headers[int(np.argmin(team))]
-    return Answer("Outcome", text, "not judged", **_last_turn(run, header))
+    link = _last_turn(run, header) | {"link_text": f"the lowest, episode {header['episode']}"}
+    return Answer("Outcome", text, "not judged", **link)
 
 
 def _winner(run: ShownRun) -> str:
@@ -121,12 +158,12 @@ def _winner(run: ShownRun) -> str:
     return f"; {agent} has the highest in {counts.max()} of {len(values)}"
 
 
-def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> dict[str, str]:
+def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> Link:
     """A link to an episode's last turn."""
     number, turns = header["episode"], run.evidence.turns_of(header)
     return {
         "link": f"#play:{run.key}/{number}/{turns}",
-        "link_text": f"episode {number}, after {turns} steps",
+        "link_text": f"end of episode {number}, after {turns} steps",
     }
 
 
@@ -199,7 +236,7 @@ def _most_idle(run: ShownRun, places: Sequence[int]) -> tuple[str, str] | None:
     return agent, f"most idle is {agent}, {known[agent]:.0%} of its actions"
 
 
-def _worst_episode(run: ShownRun, place: int) -> dict[str, str]:
+def _worst_episode(run: ShownRun, place: int) -> Link:
     """A link to the agent's episode with its lowest return."""
     figures = run.figures
     values = np.where(figures.present[:, place], figures.returns[:, place], np.inf)
@@ -208,40 +245,62 @@ def _worst_episode(run: ShownRun, place: int) -> dict[str, str]:
     return {"link": f"#play:{run.key}/{number}/0", "link_text": f"its worst, episode {number}"}
 
 
+def _named(diagnosis: Document | None) -> dict[str, Document]:
+    """The agents for which a cause is named, or the team where there is no such agent."""
+    told = diagnosis or {"agents": {}}
+    agents = {agent: each for agent, each in told["agents"].items() if each["answer"] in NAMED}
+    team = told.get("team")
+    return agents or ({"team": team} if team and team["answer"] in NAMED else {})
+
+
 def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
     """The diagnosis' causes with its first restored counterfactual; None without a diagnosis."""
     if diagnosis is None:
         return None
-    every = {
-        **({"team": diagnosis["team"]} if diagnosis.get("team") else {}),
-        **diagnosis["agents"],
-    }
-    named = {agent: each for agent, each in every.items() if each["answer"] in NAMED}
-    outside = [each for each in every.values() if each["answer"] in NO_AGENTS]
+    named = _named(diagnosis)
+    every = [*filter(None, [diagnosis.get("team")]), *diagnosis["agents"].values()]
+    outside = [each for each in every if each["answer"] in NO_AGENTS]
     if not named and outside:
         badge = str(outside[0]["answer"])
         text = f"{answer_sentence(outside[0])}."
         return Answer("Likely cause", text, badge, "failed", "#causes", "what was tested")
     if not named:
-        answers = few(
-            dict.fromkeys(str(each["answer"]).replace("_", " ") for each in every.values())
-        )
+        answers = few(dict.fromkeys(str(each["answer"]).replace("_", " ") for each in every))
         return Answer("Likely cause", f"None was named: {answers}.", "none named", link="#causes")
-    of_agents = {agent: each for agent, each in named.items() if agent != "team"} or named
-    texts = [_named_cause(agent, each) for agent, each in of_agents.items()]
-    badge = few(dict.fromkeys(str(each["answer"]) for each in named.values()))
-    link = {"link": "#causes", "link_text": "what was tested"}
+    texts = [_named_cause(agent, each) for agent, each in named.items()]
+    how = few(dict.fromkeys(str(each["answer"]) for each in named.values()))
+    link: Link = {"link": "#causes", "link_text": "what was tested"}
     for each in diagnosis.get("counterfactuals") or ():
         if each.get("restored") and each.get("turn") is not None:
             place = f"{run.key}/{each['episode']}/{each['turn']}"
-            text = f"in episode {each['episode']} it first differs at turn {each['turn']}"
+            text = f"since turn {each['turn']} of episode {each['episode']}"
             link = {"link": f"#play:{place}", "link_text": text}
             break
-    text = f"{few(texts, most=3)}. {_otherwise(of_agents)}".strip()
-    return Answer("Likely cause", text, badge, "failed", **link)
+    text = f"{few(texts, most=3)} ({how})."
+    return Answer("Likely cause", text, few(named, most=3), "failed", **link)
 
 
-def _otherwise(named: Mapping[str, Document]) -> str:
+def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
+    """Differences that something else would have made, as far as they were tested."""
+    text = _restored(_named(documents.diagnosis))
+    if text:
+        link: Link = {"link": "#causes", "link_text": "what was tested"}
+        return Answer("Otherwise", text, "tested", "plain", **link)
+    text = _held_still(documents.audit)
+    if text:
+        return Answer("Otherwise", text, "tested", link="#verdicts", link_text="verdicts")
+    if documents.diagnosis is not None or documents.pivots is not None:
+        return None
+    if run.evidence.root is None or env_words(run.evidence) is None:
+        return None
+    path = quoted(run.path)
+    text = f"`gamekeeper view {path} --interactive` plays on from any turn with one thing changed"
+    if any(run.failed):
+        text = f"`gamekeeper diagnose {path}` finds what would have let it succeed; {text}"
+    return Answer("Otherwise", f"{text}.", "not tested")
+
+
+def _restored(named: Mapping[str, Document]) -> str:
     """The share of successes with and without the first intervention that restores it."""
     for each in named.values():
         for tested in each["tested"]:
@@ -249,10 +308,30 @@ def _otherwise(named: Mapping[str, Document]) -> str:
                 before = each["success"]["share"]
                 after = min(max(before + tested["effect"], 0.0), 1.0)
                 return (
-                    f"With {tested['intervention']} {after:.0%} of {tested['n']} new episodes "
-                    f"succeed, {before:.0%} unchanged."
+                    f"After {tested['intervention']}, {after:.0%} of {tested['n']} new episodes "
+                    f"succeed; unchanged, {before:.0%}{_interval(tested)}."
                 )
     return ""
+
+
+def _interval(tested: Document) -> str:
+    """The interval of an effect on the share of successes, where there is one."""
+    if tested.get("low") is None or tested.get("high") is None:
+        return ""
+    low, high = (f"{100 * tested[side]:+.0f}" for side in ("low", "high"))
+    return f" (95 % interval of the difference: {low} to {high} points)"
+
+
+def _held_still(audit: Document | None) -> str:
+    """The failed checks that pass once the cause of another one is held still."""
+    verdicts = (audit or {}).get("verdicts") or ()
+    causes = [each for each in verdicts if each["outcome"] == "failed" and each.get("follows_from")]
+    texts = [
+        f"{each['id']} passes with {each['follows_from']['held_still']} "
+        f"(it follows from {each['follows_from']['id']})"
+        for each in causes
+    ]
+    return f"{'; '.join(texts)}." if texts else ""
 
 
 def _lost(run: ShownRun, pivots: Document | None) -> Answer | None:
@@ -267,7 +346,7 @@ def _lost(run: ShownRun, pivots: Document | None) -> Answer | None:
         return Answer("Lost at", text, link="#pivots", link_text="curve of success")
     pivot, mark = each["pivots"][0], pivot_marks(each)[0]
     text = "; ".join([f"Episode {number}: {mark.text}", *list(kept_by(pivot))[:1]])
-    link = {"link": f"#play:{run.key}/{number}/{mark.turn}", "link_text": "watch it"}
+    link: Link = {"link": f"#play:{run.key}/{number}/{mark.turn}", "link_text": "watch it"}
     return Answer("Lost at", f"{text}.", f"turn {mark.turn}", "failed", **link)
 
 
@@ -281,7 +360,7 @@ def _findings(audit: Document | None) -> Answer | None:
     """Failed checks, and those among them that don't follow from another."""
     if audit is None:
         return None
-    link = {"link": "#verdicts", "link_text": "verdicts"}
+    link: Link = {"link": "#verdicts", "link_text": "verdicts"}
     bad = [each for each in audit["verdicts"] if each.get("outcome") == "failed"]
     if not bad:
         text = (
@@ -290,9 +369,24 @@ def _findings(audit: Document | None) -> Answer | None:
         return Answer("Findings", text, "0 failed", "passed", **link)
     causes = [each for each in bad if not each.get("follows_from")]
     causes.sort(key=lambda each: SEVERITIES.index(each["severity"]))
-    texts = [f"{each['id']} {str(each.get('claim', '')).rstrip('.')}" for each in causes]
-    text = f"{_checks(len(bad))} failed; causes: {few(texts, most=2)}."
-    return Answer("Findings", text, f"{len(bad)} failed", "failed", **link)
+    more = len(causes) - MOST_BROKEN
+    text = f"{_checks(len(bad))} failed"
+    if len(causes) < len(bad):
+        text += f", {len(bad) - len(causes)} of them as consequences"
+    tried = [each["reproduced"] for each in causes if each.get("reproduced")]
+    if tried and all(each["failed"] == each["tried"] for each in tried):
+        shown_by = "program that shows it" if len(tried) == 1 else "programs that show them"
+        text += f". The {shown_by} failed again in every new process"
+    lines = [*map(_broken, causes[:MOST_BROKEN]), *([f"and {more} more"] if more > 0 else [])]
+    words = f"{len(bad)} failed"
+    return Answer("Findings", f"{text}.", words, "failed", lines=tuple(lines), **link)
+
+
+def _broken(verdict: Document) -> str:
+    """A rule that was broken, and where first."""
+    place = str((verdict.get("findings") or [{}])[0].get("where", ""))
+    rule = str(verdict.get("claim", "")).rstrip(".")
+    return f"{verdict['id']} broken: “{rule}”{f'; first at {place}' if place else ''}"
 
 
 def _compared(evaluation: Document | None) -> Answer | None:
@@ -301,7 +395,7 @@ def _compared(evaluation: Document | None) -> Answer | None:
         return None
     claims = [str(each).rstrip(".") for each in evaluation.get("claims") or ()]
     refused = len(evaluation.get("refused") or ())
-    link = {"link": "#evaluation", "link_text": "all claims"}
+    link: Link = {"link": "#evaluation", "link_text": "all claims"}
     first = f"{claims[0]}." if claims else "No comparison supports a claim."
     more = f" {len(claims) - 1} more." if len(claims) > 1 else ""
     kept_back = f" {refused} refused." if refused else ""
@@ -336,17 +430,9 @@ def not_asked(run: ShownRun, documents: Documents, *, env: str) -> PageBlock | N
         return None
     return PageBlock(
         title=f"Not asked: {', '.join(missing)}. Commands",
-        snippets=(("Commands", "\n".join([*(asked[name] for name in missing), *_on(path)])),),
+        snippets=(("Commands", "\n".join(asked[name] for name in missing)),),
         folded=True,
         anchor="not-asked",
-    )
-
-
-def _on(path: str) -> tuple[str, str]:
-    """The command that answers what would have been otherwise."""
-    return (
-        "# plays on from any turn, with one agent's action or policy changed:",
-        f"gamekeeper view {path} --interactive",
     )
 
 

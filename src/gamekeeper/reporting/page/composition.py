@@ -11,28 +11,20 @@ from numpy.random import Generator
 from gamekeeper.episodes.divergence import Divergence, compare, shown_pair
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.reporting.page.agent_section import agents_blocks
+from gamekeeper.reporting.page.answers import state_texts
 from gamekeeper.reporting.page.audit_sections import form_section, verdicts_section
 from gamekeeper.reporting.page.diagnosis_sections import causes_section
-from gamekeeper.reporting.page.episode_figures import (
-    UNFINISHED,
-    Figures,
-    compared_block,
-    failing,
-    figures_of,
-)
+from gamekeeper.reporting.page.episode_figures import Figures, compared_block, failing, figures_of
 from gamekeeper.reporting.page.evaluation_section import evaluation_section
 from gamekeeper.reporting.page.learning_section import learning_section, names_of
 from gamekeeper.reporting.page.packed_episode import PackedAgent, packed_agents
 from gamekeeper.reporting.page.page_data import PageBlock, PageSection, RunCard
 from gamekeeper.reporting.page.page_html import provenance_section
 from gamekeeper.reporting.page.pivots_section import pivots_section
-from gamekeeper.reporting.results_text import few, last_line
 
 Document = Mapping[str, Any]
 
 PLAYER: Final = "player"
-MOST_ALERTS: Final = 3
-"""Most unfinished episodes that the alert at the top names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,35 +176,27 @@ def continues(one: ShownRun, two: ShownRun) -> bool:
     return games[0] == games[1] and policies[0] == policies[1]
 
 
-def alerts_of(runs: Sequence[ShownRun]) -> tuple[str, ...]:
-    """Alerts of runs that are open, damaged or have unfinished episodes."""
-    return tuple(text for run in runs for text in _alerts(run))
+def alerts_of(runs: Sequence[ShownRun], *, answered: ShownRun | None = None) -> tuple[str, ...]:
+    """Alerts of runs that are open, damaged or have unfinished episodes.
+
+    Args:
+        runs: all runs of the page.
+        answered: the one whose state stands among the page's answers.
+    """
+    return tuple(
+        f"{f'Run {run.key} ({run.name}): ' if len(runs) > 1 else ''}{text}"
+        for run in runs
+        for text in _alerts(run, has_state=run is not answered)
+    )
 
 
-def _alerts(run: ShownRun) -> Iterator[str]:
-    is_open = run.card.status == "open"
-    recover = f" If it was killed: `gamekeeper recover {run.path}`."
-    if run.evidence.not_whole:
-        where = f"Run {run.key} ({run.name}), when this page was written."
-        yield f"{where} {run.evidence.not_whole}{recover * is_open}"
+def _alerts(run: ShownRun, *, has_state: bool) -> Iterator[str]:
+    if has_state:
+        yield from state_texts(run)
     if run.evidence.kept_text:
-        yield f"Run {run.key} ({run.name}) is of level {run.evidence.kept_text}"
+        yield f"The run is of level {run.evidence.kept_text}"
     if run.evidence.retained_text:
-        yield f"Run {run.key} ({run.name}): {run.evidence.retained_text}"
-    cut = [
-        f"episode {header['episode']} {_stopped(run.evidence, header)}"
-        for header in run.figures.headers
-        if header.get("error") or header.get("end") in UNFINISHED
-    ]
-    if cut:
-        yield f"In run {run.key} ({run.name}) {few(cut, most=MOST_ALERTS)}."
-
-
-def _stopped(evidence: Evidence, header: Mapping[str, Any]) -> str:
-    """The reason why an episode is unfinished."""
-    if header.get("error"):
-        return f"ended with an error: {last_line(header['error'])}"
-    return f"is unfinished: its recording stopped after {evidence.turns_of(header)} steps"
+        yield run.evidence.retained_text
 
 
 def lead_of(runs: Sequence[ShownRun]) -> str:

@@ -29,6 +29,8 @@ BoolArray = NDArray[np.bool_]
 
 SPARK: Final = 24
 """Parts of an episode in its sparkline."""
+ACTIONS: Final = 8
+"""Bars of an episode's histogram of actions; the last one counts all higher numbers too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,8 @@ class Figures:
         terminated: [episodes, agents] True if it was terminated.
         truncated: [episodes, agents] True if it was truncated.
         course: [episodes, SPARK] sum of all agents' rewards up to the end of each part of it.
+        actions: [episodes, ACTIONS] number of all agents' actions 0, 1, 2, ...; zeros of actions
+            that aren't whole numbers.
     """
 
     headers: tuple[Mapping[str, Any], ...]
@@ -56,6 +60,7 @@ class Figures:
     terminated: BoolArray
     truncated: BoolArray
     course: FloatArray
+    actions: FloatArray = field(default_factory=lambda: np.zeros((0, ACTIONS)))
     _places: Mapping[int, int] = field(default_factory=dict)
 
     @property
@@ -74,14 +79,16 @@ def figures_of(evidence: Evidence) -> Figures:
     headers = tuple(evidence.episode_table.to_pylist())
     sums = _Sums([header["episode"] for header in headers])
     turns = np.array([header.get("turns") or 0 for header in headers], np.int64)
-    course = np.zeros((len(headers), SPARK))
-    for steps in evidence.tables.all_parts("agent_steps", without=APART) or ():
+    course, actions = np.zeros((len(headers), SPARK)), np.zeros((len(headers), ACTIONS))
+    unread = tuple(kind for kind in APART if kind != "action")
+    for steps in evidence.tables.all_parts("agent_steps", without=unread) or ():
         if steps.num_rows:
             row = sums.add(steps)
             part = np.minimum(
                 steps["turn"].to_numpy() * SPARK // np.maximum(turns[row], 1), SPARK - 1
             )
             np.add.at(course, (row, part), pc.fill_null(steps["reward"], 0.0).to_numpy())
+            _count(actions, row, steps)
     listed = map(str, evidence.manifest.get("agents") or ())
     agents = [name for name in listed if name in sums.names]
     agents += sorted(set(sums.names) - set(agents))
@@ -95,8 +102,20 @@ def figures_of(evidence: Evidence) -> Figures:
         terminated=sums.of("terminated", agents) > 0,
         truncated=sums.of("truncated", agents) > 0,
         course=np.cumsum(course, axis=1),
+        actions=actions,
         _places={header["episode"]: place for place, header in enumerate(headers)},
     )
+
+
+def _count(actions: FloatArray, row: Any, steps: pa.Table) -> None:
+    """Adds the whole-number actions of rows to the histograms of their episodes."""
+    for column in steps.schema.names:  # a column for each space of actions
+        if column.split("@")[0] != "action" or not pa.types.is_integer(steps[column].type):
+            continue
+        chose = np.asarray(pc.is_valid(steps[column]).to_numpy(), np.bool_)
+        values = pc.fill_null(steps[column], 0).to_numpy()
+        bars = np.clip(values, 0, ACTIONS - 1).astype(np.int64)
+        np.add.at(actions, (row[chose], bars[chose]), 1.0)
 
 
 class _Sums:
@@ -205,9 +224,9 @@ def failed_text(failed: Sequence[bool | None]) -> str:
     judged = [each for each in failed if each is not None]
     unknown = len(failed) - len(judged)
     if not judged:
-        return "unknown"
-    text = f"{sum(judged)} of {len(failed)} episodes"
-    return f"{text}; {unknown} unknown" if unknown else text
+        return "not known of any episode"
+    text = f"{sum(judged)} of {len(failed)} episodes failed"
+    return f"{text}; of {unknown} it isn't known" if unknown else text
 
 
 def _outcome(

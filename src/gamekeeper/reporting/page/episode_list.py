@@ -54,7 +54,7 @@ def entries_of(
     given: dict[Any, list[str]] = {}
     for each in labels:
         given.setdefault(each["episode"], []).append(str(each["label"]))
-    team, sparks = figures.team, sparks_of(figures)
+    team, sparks, bars = figures.team, sparks_of(figures), bars_of(figures)
     return [
         {
             "run": run,
@@ -68,6 +68,7 @@ def entries_of(
             "failing": failed[place],
             "team": _finite(team[place]),
             "spark": sparks[place],
+            "acts": bars[place],
             "returns": {
                 agent: _finite(figures.returns[place, column])
                 for column, agent in enumerate(figures.agents)
@@ -94,6 +95,20 @@ def sparks_of(figures: Figures) -> list[str]:
     rows: list[list[int]] = parts.tolist()
     letters = iter(["".join(SCALE[k] for k in row) for row in rows])
     return [next(letters) if each else "" for each in is_known]
+
+
+def bars_of(figures: Figures) -> list[str]:
+    """Histogram of each episode's actions 0, 1, 2, ...: a letter each, from A (none) to z (all).
+
+    Empty in a run whose actions aren't whole numbers.
+    """
+    counts = figures.actions
+    used = int(np.flatnonzero(counts.any(axis=0)).max(initial=-1)) + 1
+    if used == 0:
+        return [""] * len(figures.headers)
+    shares = counts[:, :used] / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    rows: list[list[int]] = np.rint(shares * (len(SCALE) - 1)).astype(np.int64).tolist()
+    return ["".join(SCALE[k] for k in row) for row in rows]
 
 
 def listed(entries: Sequence[dict[str, Any]], *, most_bytes: int) -> list[dict[str, Any]]:
@@ -196,7 +211,7 @@ def _label_marks(trace: Episode, labels: Iterable[Label]) -> Iterable[Mark]:
 
 def _failure_marks(evidence: Evidence, trace: Episode, has_failed: bool | None) -> Iterable[Mark]:
     """Failure conditions that the episode met, at its end; an error has a mark of its own."""
-    if trace.header.get("error") or has_failed is False:
+    if trace.header.get("error") or has_failed is False or trace.header.get("end") in UNFINISHED:
         return
     try:
         conditions = failures(evidence.contract)

@@ -176,6 +176,7 @@ class Answer:
         badge: the style of this word.
         link: the address on the page of its turn, or of what backs it.
         link_text: the words of the link.
+        lines: sentences that stand below it.
     """
 
     question: str
@@ -184,6 +185,7 @@ class Answer:
     badge: str = "plain"
     link: str = ""
     link_text: str = "details"
+    lines: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

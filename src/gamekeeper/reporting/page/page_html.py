@@ -47,6 +47,7 @@ PARTS: Final = (
     "icons.js",
     "fan.js",
     "play_on.js",
+    "jumps.js",
     "player.js",
     "keys.js",
     "start.js",

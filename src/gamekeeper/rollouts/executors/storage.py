@@ -125,7 +125,7 @@ class Storage:
             data: bytes = stream.read(None if most_bytes is None else most_bytes + 1)
         if most_bytes is not None and len(data) > most_bytes:
             raise RunError(
-                f"{name} is too large to be what it should be",
+                f"{name} is larger than such a file can be",
                 where=str(self),
                 expected=f"at most {most_bytes:,} bytes",
                 actual="more",

@@ -157,7 +157,7 @@ def read_bounded(path: Path, limit_bytes: int) -> bytes:
         size_bytes = os.fstat(file.fileno()).st_size
         if size_bytes > limit_bytes:
             raise RunError(
-                f"{path.name} is too large to be what it should be",
+                f"{path.name} is larger than such a file can be",
                 where=str(path),
                 expected=f"at most {limit_bytes} bytes",
                 actual=f"{size_bytes} bytes",

@@ -29,7 +29,7 @@ from gamekeeper.runs.load_run import load
 from gamekeeper.runs.parts.part_plan import claim, found_merged, key_of, parts_folder, release
 from gamekeeper.runs.parts.receipts import Receipt, forget, receipt_of, receipts_of, whole_keys
 from gamekeeper.runs.replay_runner import TASK as REPLAY
-from gamekeeper.runs.worker_errors import error_fields, error_in, error_of
+from gamekeeper.runs.worker_errors import error_in, error_of
 from gamekeeper.terminal import say
 
 # -- The parts of a plan while they are played: wanted yet, whole, failed
@@ -181,7 +181,7 @@ class PartProgress:
                 "storage": self.storage.place,
                 "first": episodes.start,
                 "stop": episodes.stop,
-                "error": error_fields(error),
+                "error": error.to_json(),
                 "stack": stack,
             },
             silence_s=None,
@@ -379,7 +379,7 @@ def _merge(
         "out": str(out.absolute()),
         "parts": parts,
         "error": reason,
-        "ended": None if first is None else error_fields(first),
+        "ended": None if first is None else first.to_json(),
     }
     outcome = _by_one(executor, MERGE, arguments, Limits(silence_s=None), take)
     if outcome.status in ("died", "hung"):  # it may have died with its work done
@@ -448,7 +448,7 @@ def rollout_apart(
     """
     if out is None or plan.first:
         raise EvidenceError(
-            "workers record a whole run into a folder",
+            "workers can only record a whole run, into a folder",
             where="out" if out is None else "first",
             expected="a folder, and episodes from 0 on",
             actual="None" if out is None else str(plan.first),

@@ -34,7 +34,6 @@ from gamekeeper.runs.parts.receipts import (
 )
 from gamekeeper.runs.recording import record_rollout
 from gamekeeper.runs.run_check import recover
-from gamekeeper.runs.worker_errors import error_fields
 from gamekeeper.runs.worker_tasks import reported, signs_of_life
 from gamekeeper.terminal import say
 
@@ -61,7 +60,7 @@ def part_task(
         with signs_of_life(report):
             receipt.put(place)
     except GamekeeperError as error:
-        return {"error": error_fields(error)}
+        return {"error": error.to_json()}
     return {"error": None, **receipt.summary()}
 
 
@@ -120,7 +119,7 @@ def _played(
         except EnvError as error:
             if error.__cause__ is not None:
                 say(foreign_traceback(error.__cause__))
-            failed = error_fields(error)
+            failed = error.to_json()
             if not (run_files / MANIFEST).exists():  # it failed before there was a run
                 raise
             evidence = load(run_files, check=False)
@@ -213,7 +212,7 @@ def merge_task(
             )
     except GamekeeperError as raised:
         with signs_of_life(report):
-            return {"error": error_fields(raised), "torn": _torn(place, found)}
+            return {"error": raised.to_json(), "torn": _torn(place, found)}
     return {"error": None, "torn": []}
 
 

@@ -404,7 +404,7 @@ def levels(whose: str, low: Levels, high: Levels | None, count: int) -> NDArray[
         each = [given] * count if given is None or isinstance(given, int) else list(given)
         if len(each) != count:
             raise SpecError(
-                f"{name} isn't a level for each",
+                f"{name} doesn't give one level for each",
                 where=name,
                 expected=f"{count} levels",
                 actual=repr(given),

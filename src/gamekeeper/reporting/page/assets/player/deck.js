@@ -27,9 +27,9 @@ gk.Deck = class {
     const run = gk.page.runs.find((known) => known.key === e.run);
     const texts = [`${e.turns} steps`, gk.endText(e.end)];
     if (e.seed !== null && e.seed !== undefined) texts.unshift(`seed ${e.seed}`);
-    const heading = gk.node("h3", {}, "Run ", gk.name(e.run), run && run.name !== e.run ? " (" : "");
-    if (run && run.name !== e.run) heading.append(gk.name(run.name), ")");
-    heading.append(`, episode ${e.index}`);
+    const named = gk.page.runs.length > 1 || gk.served;
+    const heading = gk.node("h3", {}, `Episode ${e.index}`, ...(named ? [" of ", gk.name(run?.name ?? e.run)] : []));
+    if (named && run && run.name !== e.run) heading.append(" (run ", gk.name(e.run), ")");
     const facts = gk.node("p", { class: "deck-facts", text: texts.join(" · ") });
     for (const label of entry?.labels ?? []) facts.append(" ", gk.node("span", { class: "badge plain" }, gk.name(label)));
     return gk.node("header", {}, heading, facts);

@@ -1,7 +1,7 @@
 // The gallery: an episode each as a sparkline of the reward of all agents so far, on one scale; sorted, one press from the player.
 
 const SCALE = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"; // as episode_list.py has it
-const [WIDE, HIGH] = [72, 28];
+const [WIDE, HIGH, BARS] = [72, 28, 14];
 
 const ORDERS = [
   ["number", "number", (entry) => entry.episode, 1],
@@ -13,18 +13,21 @@ const ORDERS = [
   ["behaviour", "behaviour, in groups", (entry) => entry.episode, 1],
 ];
 const GROUPS = 4; // of episodes with one ending
-const ALIKE = 0.25; // distance below which two episodes are alike; from 0 to 1 each: return, length, a third of the sparkline
+const ALIKE = 0.25; // distance below which two episodes are alike; from 0 to 1 each: return, length, share of an action, a third of the sparkline
 const PLACES = [3, 7, 11, 15, 19, 23]; // of the sparkline
 
 const bounds = (values) => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
 
-// Episodes by ending, then by return, length and course: each with the nearest of a few that are far from each other.
+const level = (sign) => SCALE.indexOf(sign) / (SCALE.length - 1);
+
+// Episodes by ending, then by return, length, actions and course: each with the nearest of a few that are far from each other.
 const grouped = (entries) => {
   const kinds = Map.groupBy(entries, ({ failing, end }) => `${failing ? "failing, " : ""}${gk.endText(end)}`);
   const numbers = entries.map(({ team, turns }) => [team ?? 0, turns]);
   const scales = [0, 1].map((k) => bounds(numbers.map((each) => each[k])));
   const scaled = (value, [low, high]) => (value - low) / (high - low || 1);
-  const shape = ({ spark }) => PLACES.map((at) => (spark ? SCALE.indexOf(spark[at]) / (SCALE.length - 1) / 3 : 0));
+  const most = Math.max(0, ...entries.map(({ acts }) => (acts ?? "").length));
+  const shape = ({ spark, acts }) => [...PLACES.map((at) => (spark ? level(spark[at]) / 3 : 0)), ...Array.from({ length: most }, (_, k) => (acts?.[k] ? level(acts[k]) : 0))];
   const place = new Map(entries.map((entry, i) => [entry, [...scales.map((scale, k) => scaled(numbers[i][k], scale)), ...shape(entry)]]));
   const apart = (a, b) => Math.hypot(...place.get(a).map((value, k) => value - place.get(b)[k]));
   return [...kinds].flatMap(([kind, members]) => {
@@ -48,8 +51,18 @@ const groupTitle = ([kind, group]) => {
   return [`${group.length} ${group.length === 1 ? "episode" : "episodes"}`, kind, ...parts.filter(Boolean)].join(" · ");
 };
 
+const barsOf = (acts) => {
+  const drawing = gk.svg("svg", { viewBox: `0 0 ${WIDE} ${BARS}`, width: WIDE, height: BARS, "aria-hidden": "true" });
+  const wide = WIDE / acts.length;
+  [...acts].forEach((sign, k) => {
+    const high = level(sign) * BARS;
+    drawing.append(gk.svg("rect", { x: (k * wide + 1).toFixed(1), y: (BARS - high).toFixed(1), width: (wide - 2).toFixed(1), height: high.toFixed(1), class: "act-bar" }));
+  });
+  return drawing;
+};
+
 const lineOf = (spark) => {
-  const y = (sign) => (HIGH - 2 - (SCALE.indexOf(sign) / (SCALE.length - 1)) * (HIGH - 4)).toFixed(1);
+  const y = (sign) => (HIGH - 2 - level(sign) * (HIGH - 4)).toFixed(1);
   const points = [...spark].map((sign, i) => `${((i * WIDE) / (spark.length - 1)).toFixed(1)},${y(sign)}`).join(" ");
   const drawing = gk.svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, width: WIDE, height: HIGH, "aria-hidden": "true" });
   drawing.append(gk.svg("polyline", { points, class: "spark" }));
@@ -63,7 +76,7 @@ gk.Gallery = class {
     this.order = gk.node("select", {}, ...ORDERS.map(([value, text]) => gk.node("option", { value, text })));
     this.order.addEventListener("change", () => this.draw());
     this.field = gk.node("div", { class: "gallery-field" });
-    const text = "A line is the sum of all agents' rewards so far, on one scale; failing episodes are dashed. Those without a frame are not on this page.";
+    const text = "A line is the sum of all agents' rewards so far, on one scale; failing episodes are dashed. Bars are the shares of actions 0, 1, 2, … (the eighth: 7 and above). Those without a frame are not on this page.";
     const note = gk.node("p", { class: "note", text });
     this.root = gk.node("details", { class: "gallery" }, gk.node("summary", { text: "Gallery" }), gk.node("p", { class: "list-choice" }, gk.node("label", {}, "Sort by ", this.order)), this.field, note);
     this.root.addEventListener("toggle", () => this.draw()); // drawn once it is looked at
@@ -91,7 +104,7 @@ gk.Gallery = class {
 
   #tile(entry) {
     const said = `Episode ${entry.episode} of run ${gk.visible(entry.run)}, return ${gk.number(entry.team) || "unknown"}, ${entry.turns} steps, ${gk.visible(entry.end)}${entry.failing ? ", failing" : ""}`;
-    const parts = [entry.spark ? lineOf(entry.spark) : "", gk.node("small", { text: `${entry.episode}: ${gk.number(entry.team)}` })];
+    const parts = [entry.spark ? lineOf(entry.spark) : "", entry.acts ? barsOf(entry.acts) : "", gk.node("small", { text: `${entry.episode}: ${gk.number(entry.team)}` })];
     const kind = `tile${entry.failing ? " failing" : ""}`;
     if (!entry.packed) return gk.node("span", { class: kind, title: said }, ...parts);
     const made = gk.node("button", { type: "button", class: kind, "aria-label": `Play: ${said}`, title: said }, ...parts);

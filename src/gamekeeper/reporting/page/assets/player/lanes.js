@@ -268,6 +268,8 @@ const KEYS = [
   ["key-gain", "reward above 0"],
   ["key-loss", "reward below 0"],
   ["key-cumulative", "cumulative reward"],
+  ["key-ended", "ended (open: truncated)"],
+  ["key-mark", "failure or difference"],
 ];
 
 const legend = () => {

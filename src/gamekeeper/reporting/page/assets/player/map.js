@@ -68,8 +68,8 @@ gk.MapDrawing = class {
       };
     });
     this.canvas = gk.node("canvas", { class: "drawing-map", role: "img" });
-    const legend = this.scene?.legend;
-    this.root = gk.node("div", {}, this.canvas, legend ? gk.node("p", { class: "note legend", text: legend }) : "");
+    const words = [this.scene?.legend, "line: an agent's way here", "hollow: it has ended"];
+    this.root = gk.node("div", {}, this.canvas, gk.node("p", { class: "note legend", text: words.filter(Boolean).join(" · ") }));
   }
 
   get size() {

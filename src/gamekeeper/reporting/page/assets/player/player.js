@@ -1,12 +1,9 @@
 // The player: one episode, or two side by side, with one cursor.
 
 const SPEEDS = [1, 2, 5, 10, 20, 50, 100, 200, 500]; // turns a second
-const NAMED = 24; // marks with a button each; the brackets reach all
 const THUMB = 16; // pixels of the slider's thumb, as style.css has it
 const TICKS = 14; // pixels of the line of marks below the slider
 const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
-
-const wording = (mark) => [mark.kind, mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent), gk.visible(mark.text ?? "")].filter(Boolean).join(", ");
 
 gk.Player = class {
   constructor(host) {
@@ -67,7 +64,10 @@ gk.Player = class {
     this.ranging = gk.node("button", { type: "button", class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
     this.ranging.addEventListener("click", () => this.mark(this.anchor === null ? this.turn : null));
     this.curve = new gk.SliderCurve();
-    this.where = gk.node("output", { class: "where", "aria-hidden": "true" });
+    this.number = gk.node("input", { type: "number", min: "0", value: "0", "aria-label": "Go to turn", title: "Go to turn" });
+    this.number.addEventListener("input", () => this.number.value !== "" && this.to(Number(this.number.value)));
+    this.until = gk.node("span");
+    this.where = gk.node("label", { class: "where" }, "Turn ", this.number, this.until);
     this.faster(0);
     return gk.node(
       "div",
@@ -244,13 +244,13 @@ gk.Player = class {
     this.curve.draw(this.found, { wide, at });
   }
 
-  // A pair begins at its first difference, what broke off where it did, a lost one at the turn that lost it, a failure in the midst of an episode where it is, anything else at its beginning.
+  // A pair begins at its first difference, what broke off where it did, a lost one at the turn that lost it, a failure in the midst of an episode where it is, a failed one that was played again otherwise where it first differed, anything else at its beginning.
   #start() {
     if (this.decks.length > 1) return Math.min(this.last, this.part?.turn ?? 0);
     const found = (kind) => this.marks.find((mark) => mark.kind === kind)?.turn;
     if (this.decks[0].episode.end === "open") return this.last;
     const failure = found("failure");
-    return found("error") ?? found("pivot") ?? (failure < this.last ? failure : 0);
+    return found("error") ?? found("pivot") ?? (failure < this.last ? failure : (found("divergence") ?? 0));
   }
 
   #sayPart(episodes) {
@@ -258,25 +258,12 @@ gk.Player = class {
     if (episodes.length > 1) gk.say(this.parted, gk.differenceText(this.part, episodes));
   }
 
-  // Buttons for marks; those that say nothing an earlier button has not said are left to the brackets.
   #fillJumps() {
-    const marks = this.marks;
-    const rank = (mark) => (mark.kind === "ending" ? 1 : 0);
-    const named = [...marks].sort((a, b) => rank(a) - rank(b)).slice(0, NAMED).sort((a, b) => a.turn - b.turn);
-    const several = this.decks.length > 1;
-    this.jumps.replaceChildren(
-      ...named.map((mark) => {
-        const side = several && !mark.both ? `${mark.side}: ` : "";
-        const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
-        const made = gk.node("button", { type: "button", class: `jump jump-${gk.own(gk.MARKS, mark.kind) ? mark.kind : "other"}`, title: wording(mark) }, sign, ` turn ${mark.turn}: `, gk.name(`${side}${wording(mark)}`));
-        made.addEventListener("click", () => {
-          this.to(mark.turn);
-          if (mark.agent) this.decks.forEach((deck) => deck.lanes.reveal(mark.agent));
-        });
-        return made;
-      }),
-    );
-    if (marks.length > named.length) this.jumps.append(gk.node("span", { class: "note", text: `and ${marks.length - named.length} more: [ and ] reach them` }));
+    const go = (mark) => {
+      this.to(mark.turn);
+      if (mark.agent) this.decks.forEach((deck) => deck.lanes.reveal(mark.agent));
+    };
+    this.jumps.replaceChildren(...gk.jumpsOf(this.marks, { several: this.decks.length > 1, go }));
   }
 
   to(turn, from = null) {
@@ -353,7 +340,9 @@ gk.Player = class {
     if (b) b.show(this.turn, a.episode);
     if (this.slider.value !== String(this.turn)) this.slider.value = String(this.turn);
     this.slider.setAttribute("aria-valuetext", `turn ${this.turn} of ${this.last}`);
-    gk.say(this.where, `${this.turn} / ${this.last}`);
+    if (this.number.value !== String(this.turn)) this.number.value = String(this.turn);
+    this.number.max = String(this.last);
+    gk.say(this.until, ` / ${this.last}`);
     this.host.dataset.turn = String(this.turn);
     this.playOn?.show(a.episode, this.turn);
     if (!this.playing) this.#settle();
@@ -379,7 +368,7 @@ gk.Player = class {
   }
 
   #spoken() {
-    const here = this.marks.filter((mark) => mark.turn === this.turn).map(wording);
+    const here = this.marks.filter((mark) => mark.turn === this.turn).map(gk.markText);
     return [this.decks[0].table.caption.textContent, ...here].join(". ");
   }
 

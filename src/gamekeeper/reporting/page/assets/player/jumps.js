@@ -1,0 +1,35 @@
+// Buttons for an episode's marks, in one line: what went wrong first, then the endings.
+
+const NAMED = 24; // marks with a button each; the brackets reach all
+
+const names = (agents) => (agents.length > 2 ? `${agents.length} agents` : agents.map(gk.visible).join(" and "));
+
+// A mark in words; several agents may have one ending.
+gk.markText = (mark) => {
+  const who = mark.agents ? names(mark.agents) : mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent);
+  const text = gk.visible(mark.text ?? "");
+  return mark.kind === "ending" ? [who, text].filter(Boolean).join(" ") : [mark.kind, who, text].filter(Boolean).join(", ");
+};
+
+// Endings of one turn with one reason as one mark.
+const together = (marks) => {
+  const key = ({ kind, turn, text, side }, i) => (kind === "ending" ? `${turn} ${side} ${text}` : i);
+  const groups = Map.groupBy(marks.map((mark, i) => ({ mark, key: key(mark, i) })), (each) => each.key);
+  return [...groups.values()].map(([first, ...more]) => (more.length ? { ...first.mark, agents: [first, ...more].map(({ mark }) => mark.agent) } : first.mark));
+};
+
+// `go(mark)`: the reader chose it.
+gk.jumpsOf = (every, { several, go }) => {
+  const isEnding = (mark) => Number(mark.kind === "ending");
+  const marks = together(every).sort((a, b) => isEnding(a) - isEnding(b) || a.turn - b.turn);
+  const made = marks.slice(0, NAMED).map((mark) => {
+    const side = several && !mark.both ? `${mark.side}: ` : "";
+    const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
+    const kind = gk.own(gk.MARKS, mark.kind) ? mark.kind : "other";
+    const button = gk.node("button", { type: "button", class: `jump jump-${kind}`, title: gk.markText(mark) }, sign, ` turn ${mark.turn}: `, gk.name(`${side}${gk.markText(mark)}`));
+    button.addEventListener("click", () => go(mark));
+    return button;
+  });
+  const more = marks.length - made.length;
+  return more > 0 ? [...made, gk.node("span", { class: "note", text: `and ${more} more: [ and ] reach them` })] : made;
+};
