@@ -152,13 +152,13 @@ def test_run_names_checks_that_were_not_exercised(
     """A count alone tells nothing: their ids, and the command that tells why."""
 
     def audited(screen: Any, spec: str, **options: Any) -> AuditResult:
-        return audit_here(spec, select=("GK402", "GK411"), budget=200)
+        return audit_here(spec, select=("GK402", "GK526"), budget=200)
 
     monkeypatch.setattr("gamekeeper.cli.run.audit_with_progress", audited)
     code, out, err = said(capfd, "run", LINE, "--out", tmp_path / "a", "--episodes", "1")
     assert code == 0, err
     assert "1 not exercised" in out
-    assert "not exercised, as nothing happened for them to check: GK411" in out
+    assert "not exercised, as nothing happened for them to check: GK526" in out
     assert f"why checks were not exercised:\n    gamekeeper audit {LINE}" in out
 
 
