@@ -87,6 +87,8 @@ def record_command(evidence: Evidence, environment: str, kwargs: str | None) -> 
     words += ["--episodes", str(evidence.episode_table.num_rows)]
     words += ["--seed", str(manifest["seed"])] if manifest.get("seed") is not None else []
     words += ["--level", "digest"] if manifest.get("level") == "digest" else []
+    most = manifest.get("most_turns")
+    words += [] if most is None else ["--most-turns", str(most)]
     return shlex.join([*words, "--out", f"{evidence.path}-again"])
 
 
