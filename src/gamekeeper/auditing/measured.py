@@ -33,8 +33,8 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "legality": "too few comparisons of masks of other agents",
     "messages": "too few comparisons of what replaced moves change",
     "deterministic": "no rerun",
-    "horizon": "whole episodes were not truncated, at one length, twice at least",
-    "symmetric": "no role has two agents that fared apart, in enough episodes that seeds settle",
+    "horizon": "no two whole episodes were truncated at the same length",
+    "symmetric": "too few episodes in which two agents of a role came to different results",
     "advice": "too few comparisons",
 }
 """Reasons why a field has no value."""

@@ -108,7 +108,9 @@ def command(
         )
     document = found.to_json()
     if found.reused:
-        screen.note(f"{found.reused:,} of its episodes were played by an earlier call")
+        screen.note(
+            f"{found.reused:,} of the new episodes were there already, from an earlier call"
+        )
     screen.show(attribution_text(document, width=screen.width))
     annotated(screen, run, "attribution", document)
     return CommandResult(document, 0)

@@ -21,8 +21,8 @@ RECORDED: Final = (
     "idle: part of its actions that are the declared noop",
 )
 REPLACED: Final = (
-    "difference: mean team return that is lost if the baseline plays for this agent alone, and "
-    "the others react",
+    "difference: mean team return that is lost if the baseline plays for this agent and no other, "
+    "and the others react",
     "Shapley value: what the agent adds to the team's mean return, on average over all orders in "
     "which the agents could join; the values sum to what all agents together add",
 )
@@ -91,7 +91,7 @@ def _replaced(document: Mapping[str, Any], width: int) -> str:
         for name, part in agents.items()
     ]
     parts = [part[key] for part in agents.values() for key in ("difference", "shapley")]
-    absent = "-: not measured, as the agent joins late or isn't among those drawn to be replaced"
+    absent = "-: not measured: the agent joins late, or isn't in the sample of those replaced"
     title = f"Agents replaced: {_episodes(document['fresh'], 'new')}{_named(document)}"
     legend = [*REPLACED, *_signs(parts, absent)]
     values = [(part["difference"] or {}).get("value") for part in agents.values()]

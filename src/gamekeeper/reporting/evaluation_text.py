@@ -36,7 +36,7 @@ COLUMNS: Final = {
     "one method that never met in training",
     "p": "p-value of no difference, corrected for the number of comparisons (Holm); where the "
     "difference has no interval, of being above as often as below (sign test); intervals of "
-    "differences are each alone",
+    "differences aren't corrected",
     "d": "difference in standard deviations: of the paired differences (d_z), or of training runs "
     "(Cohen's d)",
     "P(A > B)": "probability that A is above B: in an episode of the same seed, or a training run "

@@ -81,8 +81,8 @@ def quantile(
     distinct = float(differing(ordered, part, tail))
     if distinct < LEAST_DISTINCT:
         raise EvidenceError(
-            "many values around the quantile are equal, so that its interval would cover more than "
-            "it says",
+            "many values around the quantile are equal, so that its interval would be wider than "
+            "its level asks for",
             where="quantile",
             expected=f"at least {100 * LEAST_DISTINCT:g} % of the values there different",
             actual=f"{100 * distinct:.0f} %",

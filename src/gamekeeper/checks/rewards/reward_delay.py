@@ -73,7 +73,7 @@ class _Trial:
 def rewards_come_with_the_tick_that_earns_them(
     contract: Contract, evidence: ProbeEvidence
 ) -> Iterator[Case]:
-    """A reward comes with the step that earns it, not one step late from before the moves.
+    """A reward comes with the step that earns it, not one step later.
 
     Rewards that come one step late credit every action with what the one before it earned, and the
     last action of an episode with nothing.
