@@ -165,8 +165,12 @@ def test_run_that_was_killed_before_it_encoded_is_recovered(
     assert replayed(tmp_path / "run").verified
 
 
-def test_journal_is_empty_once_its_turns_are_encoded(tmp_path: Path) -> None:
+@pytest.mark.parametrize("at_once", [2, 4096])
+def test_journal_is_empty_once_its_turns_are_encoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int
+) -> None:
     """Encoding empties it, what comes then is journaled anew, and closing removes it."""
+    monkeypatch.setattr(recorder, "FLUSH_TURNS", at_once)
     wrapped, one = recorded(Walk(), tmp_path / "run", "actions")
     one._closing = True
     one._wake.set()

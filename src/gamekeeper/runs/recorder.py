@@ -315,7 +315,7 @@ class RunRecorder:
 
     def _encode(self) -> None:
         rows = most_rows(self._columns())
-        waiting = len(self.buffer.turns)  # what comes meanwhile waits: few turns cost as many do
+        taken, waiting = 0, len(self.buffer.turns)  # what comes meanwhile waits
         while (buffered := take(self.buffer, most=FLUSH_TURNS, most_rows=rows)) is not None:
             self._buffered = buffered
             if self._ring is not None and self.level == KEPT:
@@ -326,12 +326,12 @@ class RunRecorder:
                 if stream == "timings" and not self._is_timed:
                     continue
                 self._store.append(stream, batch)
-            if len(buffered.turns) >= self._journaled.turns * TURN:  # all that the journal holds
+            taken += len(buffered.turns)
+            if taken >= self._journaled.turns * TURN:  # all that the journal holds
                 self._store.journal.clear()
                 self._journaled = Counts()
             self.after_flush(buffered)
-            waiting -= len(buffered.turns)
-            if waiting <= 0:
+            if taken >= waiting:
                 break
         self._encoded_at = time.monotonic()
 
