@@ -75,7 +75,7 @@ def test_view_of_a_taken_port_is_refused(line_run: Path, capfd: pytest.CaptureFi
         taken.listen()
         code, _, err = said(capfd, "view", line_run, "--port", taken.getsockname()[1])
     assert code == 2
-    assert "name another one" in err
+    assert "give another --port" in err
     assert said(capfd, "view", line_run, "--port", 70_000)[0] == 2
 
 

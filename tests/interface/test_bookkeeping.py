@@ -167,7 +167,7 @@ class Free(OnBase):
         (lambda env: env.add_reward("agent_0", float("inf")), "'agent_0' was paid inf"),
         (lambda env: env.terminate("nobody"), "'nobody' was ended and isn't in the roster"),
         (lambda env: env.join("agent_0"), "'agent_0' joined twice"),
-        (lambda env: env.join("nobody"), "isn't a possible agent"),
+        (lambda env: env.join("nobody"), "isn't in possible_agents"),
     ],
 )
 def test_verbs_refuse_what_the_books_cannot_keep(deed: Any, text: str) -> None:

@@ -263,7 +263,7 @@ def plain(value: Any) -> Any:
     """Arrays as lists, whatever they stand in."""
     if isinstance(value, dict):
         return {key: plain(part) for key, part in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # also last observations, which are made as they are read
         return plain(value.tolist())
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [plain(part) for part in value]

@@ -357,12 +357,12 @@ def _large(payloads: list[Any], size: int, open_large: Opener) -> Bytes2:
     return values
 
 
-def most_rows(columns: Iterable[Column], rows: int = 65_536, size_bytes: int = BLOCK_BYTES) -> int:
+def most_rows(columns: Iterable[Column], rows: int = 65_536, size_bytes: int | None = None) -> int:
     """Number of rows of these columns that take `size_bytes`; at most `rows`, and at least one."""
     sizes = (
         element_bytes(column) for column in columns if column.leaf.kind not in ("text", "json")
     )
-    return max(1, min(rows, size_bytes // max(1, sum(sizes))))
+    return max(1, min(rows, (size_bytes or BLOCK_BYTES) // max(1, sum(sizes))))
 
 
 def element_bytes(column: Column) -> int:

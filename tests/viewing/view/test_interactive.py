@@ -73,7 +73,7 @@ def test_order_needs_cookie_key_and_origin(
         ({**ORDER, "turn": "1"}, "a whole number"),
         ({**ORDER, "turn": True}, "a whole number"),
         ({**ORDER, "agent": None}, "a text"),
-        ({**ORDER, "policy": "random"}, "one thing is changed"),
+        ({**ORDER, "policy": "random"}, "exactly one thing can be changed"),
         ({**ORDER, "action": None, "policy": "os:getcwd"}, "named before"),
         ({**ORDER, "turn": 99_999}, "nothing is done at turn"),
     ],

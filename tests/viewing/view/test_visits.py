@@ -66,7 +66,7 @@ def test_server_listens_on_one_address_alone(visitor: Visitor) -> None:
 
 def test_port_that_is_taken_is_said(line: Path, visitor: Visitor) -> None:
     """With what to do."""
-    with pytest.raises(GamekeeperError, match=r"(?s)port \d+ can't be used.*name another"):
+    with pytest.raises(GamekeeperError, match=r"(?s)port \d+ can't be used.*give another"):
         Viewer([line], port=visitor.port)
 
 
