@@ -95,10 +95,10 @@ def test_scene_is_drawn_turn_by_turn(open_page: Open) -> None:
 
 
 def test_actions_have_their_names(open_page: Open) -> None:
-    """A declared name stands beside the number, under the agent's name and in the table."""
+    """A declared name stands before the number, under the agent's name and in the table."""
     page = opened(open_page, with_scene(), address="#play:b/0/2")
-    expect(page.locator(".lane-name small").first).to_have_text("2 south")
-    expect(page.locator(".turn-table tbody td").first).to_have_text("2 south")
+    expect(page.locator(".lane-name small").first).to_have_text("south (2)")
+    expect(page.locator(".turn-table tbody td").first).to_have_text("south (2)")
 
 
 def test_other_episode_is_a_ghost_on_the_map(open_page: Open) -> None:
