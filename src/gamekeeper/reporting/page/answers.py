@@ -397,8 +397,8 @@ def _findings(audit: Document | None) -> Answer | None:
     causes = [each for each in bad if not each.get("follows_from")]
     causes.sort(key=lambda each: SEVERITIES.index(each["severity"]))
     more = len(causes) - MOST_BROKEN
-    words = failed_words(bad)
-    text = f"{_checks(len(bad))} failed{words.removeprefix(f'{len(bad)} failed')}"
+    words = failed_words(bad).removeprefix(f"{len(bad)} failed: ")
+    text = f"{_checks(len(bad))} failed"
     tried = [each["reproduced"] for each in causes if each.get("reproduced")]
     if tried and all(each["failed"] == each["tried"] for each in tried):
         shown_by = "program that shows it" if len(tried) == 1 else "programs that show them"

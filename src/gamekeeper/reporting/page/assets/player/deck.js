@@ -109,8 +109,7 @@ gk.Deck = class {
 
   // The marks of a pair: where these two part, and not where one of them parts from a third.
   mark(extra) {
-    this.lanes.marks = [...this.episode.marks.filter((mark) => mark.kind !== "divergence"), ...extra].sort((a, b) => a.turn - b.turn);
-    this.lanes.redraw();
+    this.lanes.mark([...this.episode.marks.filter((mark) => mark.kind !== "divergence"), ...extra].sort((a, b) => a.turn - b.turn));
   }
 
   // Everything again, in the colours that hold now; at once, since a page that is printed waits for no frame.
