@@ -355,7 +355,7 @@ NOT_AGAINST: Final = (
     "This isn't against the likely cause: that was tested by changing it, this by playing on "
     "unchanged."
 )
-"""What an episode without a turn that lost it says about a cause that was named."""
+"""Said of an episode without a turn that lost it, where a cause was named."""
 
 
 def _lost(run: ShownRun, documents: Documents) -> Answer | None:
