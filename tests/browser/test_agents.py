@@ -95,10 +95,10 @@ def test_scene_is_drawn_turn_by_turn(open_page: Open) -> None:
 
 
 def test_actions_have_their_names(open_page: Open) -> None:
-    """A declared name stands beside the number, under the agent's name and in the table."""
+    """A declared name stands before the number, under the agent's name and in the table."""
     page = opened(open_page, with_scene(), address="#play:b/0/2")
-    expect(page.locator(".lane-name small").first).to_have_text("2 south")
-    expect(page.locator(".turn-table tbody td").first).to_have_text("2 south")
+    expect(page.locator(".lane-name small").first).to_have_text("south (2)")
+    expect(page.locator(".turn-table tbody td").first).to_have_text("south (2)")
 
 
 def test_other_episode_is_a_ghost_on_the_map(open_page: Open) -> None:
@@ -129,3 +129,21 @@ def test_names_on_the_map_cover_neither_signs_nor_one_another(open_page: Open) -
     for one, other in itertools.combinations([*named, *signs], 2):
         apart = one["right"] <= other["left"] or other["right"] <= one["left"]
         assert apart or one["bottom"] <= other["top"] or other["bottom"] <= one["top"]
+
+
+def test_signs_are_explained_from_the_bar(open_page: Open) -> None:
+    """On a phone the bar stays low and opens a legend of the signs and roles that are there."""
+    page = opened(open_page, parallel_episode(), viewport={"width": 390, "height": 844})
+    assert page.evaluate("document.querySelector('.controls').offsetHeight") <= 120
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.get_by_role("button", name="Legend").click()
+    legend = page.locator("#gk-legend")
+    expect(legend).to_contain_text("label of a failure")
+    expect(legend).to_contain_text("circle: picker")
+    expect(legend).not_to_contain_text("error, or the recorder was killed")
+    page.evaluate("document.querySelector('.lanes').scrollIntoView({ behavior: 'instant' })")
+    top, bar = page.evaluate(
+        "[document.querySelector('.lanes').getBoundingClientRect().top, "
+        "document.querySelector('.controls').getBoundingClientRect().bottom]"
+    )
+    assert top >= bar

@@ -98,7 +98,8 @@ def test_episodes_beside_each_other_begin_where_they_part(open_page: Open) -> No
     assert page.get_by_role("button", name="turn 33: divergence, carrier_0").count() == 1
     assert page.locator("td.differs").count() == 2
     assert (
-        page.locator("article").nth(1).inner_text().count("A counterfactual of a, episode 0") == 1
+        page.locator("article").nth(1).inner_text().count("A counterfactual of runs/a, episode 0")
+        == 1
     )
 
 
@@ -123,7 +124,7 @@ def test_comparison_has_an_address(open_page: Open) -> None:
     page.wait_for_url("**/*#play:a/0/34+a.counterfactual/0")
     page.reload()
     expect(page.locator(".deck h3")).to_have_text(
-        ["Episode 0 of runs/a (run a)", "Episode 0 of runs/a.counterfactual (run a.counterfactual)"]
+        ["Episode 0 of runs/a", "Episode 0 of runs/a.counterfactual"]
     )
     assert turn_of(page) == 34
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import gamekeeper as gk
@@ -197,7 +198,7 @@ def test_page_of_a_bare_run_says_what_is_missing(tmp_path: Path) -> None:
     run = recorded(tmp_path / "run") and tmp_path / "run"
     page = report(run, tmp_path / "p.html").read_text()
     text = " ".join(Read(page).text.split())
-    assert "Not asked: diagnosis, attribution, audit, evaluation." in text
+    assert "Commands for what was not asked: diagnosis, attribution, audit, evaluation" in text
     for command in (f"diagnose {run}", f"attribute {run}", "audit ", "evaluate ..."):
         assert f"gamekeeper {command}" in text
     ids = [value for tag, name, value in Read(page).attributes if (tag, name) == ("section", "id")]
@@ -329,6 +330,39 @@ def test_first_screen_says_which_turn_lost_an_episode() -> None:
     assert lost["Lost at"].link == "#play:a/1/4"
     assert "success falls from 90% to 20%; chance lost it" in lost["Lost at"].text
     assert "no turn of this episode lost it" in never["Lost at"].text
+    every = Documents(
+        diagnosis=documents.diagnosis("w", PLAIN), pivots={"episodes": [each | {"pivots": []}]}
+    )
+    told = {a.question: a.text for a in answers_of(run, every)}
+    assert "isn't against the likely cause" in told["Lost at"]
+
+
+def test_equal_values_are_not_called_the_lowest() -> None:
+    """A link to the lowest of several says how many others are as low, or that all are equal."""
+    run = shown(recorded(failure=None), key="a", path="run", name="run")
+    texts = []
+    for team in ([3.0, 3.0, 3.0], [2.0, 5.0, 2.0], [2.0, 5.0, 3.0]):
+        returns = np.zeros_like(run.figures.returns)
+        returns[:, 0] = team
+        other = replace(run, figures=replace(run.figures, returns=returns))
+        texts += [a.link_text for a in answers_of(other, Documents()) if a.question == "Outcome"]
+    assert texts == [
+        "episode 0 (all 3 equal)",
+        "the lowest, episode 0 (tied with 1 other)",
+        "the lowest, episode 0",
+    ]
+
+
+def test_causes_are_counted_apart_from_what_follows() -> None:
+    """The rule that is broken is worded as on the command line."""
+    run = shown(recorded(), key="a", path="run", name="run")
+    cause = {"outcome": "failed", "id": "GK106", "severity": "high", "claim": "It stays."}
+    follows = {"follows_from": {"id": "GK106", "held_still": "entries deleted"}}
+    told = {"verdicts": [cause, cause | {"id": "GK402"} | follows]}
+    found = {each.question: each for each in answers_of(run, Documents(audit=told))}
+    assert found["Findings"].word == "1 cause, 1 follows from it"
+    assert found["Findings"].lines == ("GK106  Rule broken: It stays.",)
+    assert (found["Otherwise"].word, found["Otherwise"].badge) == ("tested", "tested")
 
 
 def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ import numpy as np
 
 from gamekeeper.checks.verdict import SEVERITIES
 from gamekeeper.reporting.diagnosis_text import answer_sentence
+from gamekeeper.reporting.page.audit_sections import failed_words
 from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
-from gamekeeper.reporting.page.page_data import Answer, PageBlock, shown
+from gamekeeper.reporting.page.page_data import Answer, FloatArray, PageBlock, shown
 from gamekeeper.reporting.page.page_html import env_words, quoted
 from gamekeeper.reporting.page.pivot_marks import pivot_marks
 from gamekeeper.reporting.pivots_text import kept_by, no_pivot_text
@@ -58,7 +59,7 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         _cause(run, documents.diagnosis),
         _findings(documents.audit),
         _otherwise(run, documents),
-        _lost(run, documents.pivots),
+        _lost(run, documents),
         _least(run, documents),
         _compared(documents.evaluation),
         _again(run),
@@ -141,8 +142,20 @@ def _paid(run: ShownRun) -> Answer | None:
         returns = f"{low} in every episode{_winner(run)}"
     text = f"No condition of failure is declared. Return of all agents together: {returns}."
     header = run.figures.headers[int(np.argmin(team))]
-    link = _last_turn(run, header) | {"link_text": f"the lowest, episode {header['episode']}"}
-    return Answer("Outcome", text, "not judged", **link)
+    link = _last_turn(run, header) | {"link_text": _lowest_text("the lowest", header, team)}
+    return Answer("Outcome", text, "not judged", "not_tested", **link)
+
+
+def _lowest_text(words: str, header: Mapping[str, Any], values: FloatArray) -> str:
+    """Words of a link to the first episode with the lowest value; equal ones aren't the lowest."""
+    number, alike = header["episode"], int(np.isclose(values, values.min()).sum())
+    if alike < len(values):
+        return f"{words}, episode {number}{_tied(alike - 1)}"
+    return f"episode {number} (all {alike} equal)" if alike > 1 else f"episode {number}"
+
+
+def _tied(others: int) -> str:
+    return f" (tied with {others} other{'' if others == 1 else 's'})" if others else ""
 
 
 def _winner(run: ShownRun) -> str:
@@ -193,15 +206,16 @@ def _least_added(attribution: Document | None) -> tuple[str, str, str] | None:
     }
     if not known:
         return None
-    agent = min(known, key=lambda each: float(known[each]["value"]))
-    part = known[agent]
+    values = [float(part["value"]) for part in known.values()]
+    agent = list(known)[int(np.argmin(values))]
+    part, others = known[agent], int(np.isclose(values, min(values)).sum()) - 1
     between = (
         ""
         if part.get("low") is None
         else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
     )
     text = f"With {part.get('baseline') or 'a baseline'} in its place the team loses least: "
-    return "Adds least", agent, f"{text}{shown(part['value'])}{between}."
+    return "Adds least", agent, f"{text}{shown(part['value'])}{between}{_tied(others)}."
 
 
 def _lowest_return(run: ShownRun) -> tuple[str, str, str] | None:
@@ -218,7 +232,8 @@ def _lowest_return(run: ShownRun) -> tuple[str, str, str] | None:
         text = f"All agents have one mean return, {shown(low)}, so returns don't tell"
         return None if idle is None else ("Most idle", idle[0], f"{text}; {idle[1]}.")
     agent = figures.agents[min(means, key=lambda each: means[each])]
-    text = f"Its mean return is {shown(low)} (highest: {shown(high)})"
+    others = int(np.isclose(list(means.values()), low).sum()) - 1
+    text = f"Its mean return is {shown(low)}{_tied(others)}, the highest {shown(high)}"
     return "Lowest return", agent, f"{text}; {idle[1]}." if idle else f"{text}."
 
 
@@ -233,16 +248,18 @@ def _most_idle(run: ShownRun, places: Sequence[int]) -> tuple[str, str] | None:
     if not known or len(set(known.values())) == 1:
         return None
     agent = max(known, key=lambda each: known[each] or 0.0)
-    return agent, f"most idle is {agent}, {known[agent]:.0%} of its actions"
+    others = list(known.values()).count(known[agent]) - 1
+    return agent, f"most idle is {agent}, {known[agent]:.0%} of its actions{_tied(others)}"
 
 
 def _worst_episode(run: ShownRun, place: int) -> Link:
     """A link to the agent's episode with its lowest return."""
     figures = run.figures
-    values = np.where(figures.present[:, place], figures.returns[:, place], np.inf)
-    header = figures.headers[int(np.argmin(values))]
-    number = header["episode"]
-    return {"link": f"#play:{run.key}/{number}/0", "link_text": f"its worst, episode {number}"}
+    played = np.flatnonzero(figures.present[:, place])
+    values = figures.returns[played, place]
+    header = figures.headers[int(played[np.argmin(values)])]
+    text = _lowest_text("its lowest return", header, values)
+    return {"link": f"#play:{run.key}/{header['episode']}/0", "link_text": text}
 
 
 def _named(diagnosis: Document | None) -> dict[str, Document]:
@@ -285,10 +302,10 @@ def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     text = _restored(_named(documents.diagnosis))
     if text:
         link: Link = {"link": "#causes", "link_text": "what was tested"}
-        return Answer("Otherwise", text, "tested", "plain", **link)
+        return Answer("Otherwise", text, "tested", "tested", **link)
     text = _held_still(documents.audit)
     if text:
-        return Answer("Otherwise", text, "tested", link="#verdicts", link_text="verdicts")
+        return Answer("Otherwise", text, "tested", "tested", "#verdicts", "verdicts")
     if documents.diagnosis is not None or documents.pivots is not None:
         return None
     if run.evidence.root is None or env_words(run.evidence) is None:
@@ -297,7 +314,7 @@ def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     text = f"`gamekeeper view {path} --interactive` plays on from any turn with one thing changed"
     if any(run.failed):
         text = f"`gamekeeper diagnose {path}` finds what would have let it succeed; {text}"
-    return Answer("Otherwise", f"{text}.", "not tested")
+    return Answer("Otherwise", f"{text}.", "not tested", "not_tested")
 
 
 def _restored(named: Mapping[str, Document]) -> str:
@@ -334,15 +351,25 @@ def _held_still(audit: Document | None) -> str:
     return f"{'; '.join(texts)}." if texts else ""
 
 
-def _lost(run: ShownRun, pivots: Document | None) -> Answer | None:
+NOT_AGAINST: Final = (
+    "This isn't against the likely cause: that was tested by changing it, this by playing on "
+    "unchanged."
+)
+"""Said of an episode without a turn that lost it, where a cause was named."""
+
+
+def _lost(run: ShownRun, documents: Documents) -> Answer | None:
     """The first turn that lost an episode, else why none is named; None where none was sought."""
-    episodes = (pivots or {}).get("episodes") or ()
+    episodes = (documents.pivots or {}).get("episodes") or ()
     if not episodes:
         return None
     each = next((each for each in episodes if each["pivots"]), episodes[0])
     number = each["episode"]
     if not each["pivots"]:
-        text = f"Episode {number}: {no_pivot_text(each)}."
+        asked = ", success if the policies go on from a turn" if each["curve"] else ""
+        text = f"Episode {number}{asked}: {no_pivot_text(each)}."
+        if _named(documents.diagnosis):
+            text = f"{text} {NOT_AGAINST}"
         return Answer("Lost at", text, link="#pivots", link_text="curve of success")
     pivot, mark = each["pivots"][0], pivot_marks(each)[0]
     text = "; ".join([f"Episode {number}: {mark.text}", *list(kept_by(pivot))[:1]])
@@ -370,23 +397,21 @@ def _findings(audit: Document | None) -> Answer | None:
     causes = [each for each in bad if not each.get("follows_from")]
     causes.sort(key=lambda each: SEVERITIES.index(each["severity"]))
     more = len(causes) - MOST_BROKEN
+    words = failed_words(bad).removeprefix(f"{len(bad)} failed: ")
     text = f"{_checks(len(bad))} failed"
-    if len(causes) < len(bad):
-        text += f", {len(bad) - len(causes)} of them as consequences"
     tried = [each["reproduced"] for each in causes if each.get("reproduced")]
     if tried and all(each["failed"] == each["tried"] for each in tried):
         shown_by = "program that shows it" if len(tried) == 1 else "programs that show them"
         text += f". The {shown_by} failed again in every new process"
     lines = [*map(_broken, causes[:MOST_BROKEN]), *([f"and {more} more"] if more > 0 else [])]
-    words = f"{len(bad)} failed"
     return Answer("Findings", f"{text}.", words, "failed", lines=tuple(lines), **link)
 
 
 def _broken(verdict: Document) -> str:
-    """A rule that was broken, and where first."""
+    """The rule that was broken, worded as the command line does, and where first."""
     place = str((verdict.get("findings") or [{}])[0].get("where", ""))
     rule = str(verdict.get("claim", "")).rstrip(".")
-    return f"{verdict['id']} broken: “{rule}”{f'; first at {place}' if place else ''}"
+    return f"{verdict['id']}  Rule broken: {rule}.{f' First at {place}' if place else ''}"
 
 
 def _compared(evaluation: Document | None) -> Answer | None:
@@ -429,7 +454,7 @@ def not_asked(run: ShownRun, documents: Documents, *, env: str) -> PageBlock | N
     if not missing:
         return None
     return PageBlock(
-        title=f"Not asked: {', '.join(missing)}. Commands",
+        title=f"Commands for what was not asked: {', '.join(missing)}",
         snippets=(("Commands", "\n".join(asked[name] for name in missing)),),
         folded=True,
         anchor="not-asked",

@@ -62,18 +62,38 @@ def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection | None:
         f"{audit.get('environment')}, {audit.get('steps')} steps, seed {audit.get('seed')}.",
         "Not exercised: the situation that the check judges didn't occur. This isn't a pass.",
     )
+    failed = [each for each in audit["verdicts"] if each.get("outcome") == "failed"]
     found = Verdicts(
-        _summary(judged), tuple(bad), tuple((o, each) for o, each in rest if each), notes
+        _summary(judged, failed_words(failed)),
+        tuple(bad),
+        tuple((o, each) for o, each in rest if each),
+        notes,
     )
     return PageSection("verdicts", "Verdicts", verdicts=found)
 
 
-def _summary(judged: Sequence[VerdictEntry]) -> tuple[Cell, ...]:
+def failed_words(failed: Sequence[Mapping[str, Any]]) -> str:
+    """Number of failed checks, causes and those that follow from them apart.
+
+    Args:
+        failed: verdicts of an audit that failed.
+    """
+    follow = sum(bool(each.get("follows_from")) for each in failed)
+    causes = len(failed) - follow
+    if not follow:
+        return f"{len(failed)} failed"
+    counted = f"{causes} cause{'' if causes == 1 else 's'}"
+    rest = f"{follow} follow{'s' if follow == 1 else ''} from {'it' if causes == 1 else 'them'}"
+    return f"{len(failed)} failed: {counted}, {rest}"
+
+
+def _summary(judged: Sequence[VerdictEntry], failed: str) -> tuple[Cell, ...]:
+    """Numbers of verdicts by outcome; `failed`: words for those that failed."""
     counts = dict.fromkeys((*BAD, *ORDER), 0)
     for each in judged:
         counts[each.outcome] = counts.get(each.outcome, 0) + 1
     return tuple(
-        badge(f"{count} {outcome.replace('_', ' ')}", outcome)
+        badge(failed if outcome == "failed" else f"{count} {outcome.replace('_', ' ')}", outcome)
         for outcome, count in counts.items()
         if count
     )

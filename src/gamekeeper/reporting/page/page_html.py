@@ -31,6 +31,7 @@ PARTS: Final = (
     "difference.js",
     "pyramid.js",
     "load.js",
+    "legend.js",
     "lanes.js",
     "lane_ink.js",
     "ruler.js",

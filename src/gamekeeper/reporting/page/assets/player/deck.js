@@ -1,6 +1,13 @@
 // How an episode ended, in words; of one without an end a page can't tell whether somebody records it still.
 gk.endText = (end) => gk.own({ open: "no end: still recorded, or killed", torn: "torn: its recorder was killed" }, end) ?? end;
 
+// A run by its name; its letter tells it from others, where more than one was recorded (a counterfactual's has a dot).
+gk.runText = (key) => {
+  const name = gk.page.runs.find((run) => run.key === key)?.name ?? key;
+  const recorded = gk.page.runs.filter((run) => !run.key.includes("."));
+  return recorded.length > 1 && name !== key ? `${name} (run ${key})` : name;
+};
+
 // One episode on show: what it is, the world drawn, its lanes, and the table under the cursor.
 
 const FEW = 16; // agents whose table follows every frame
@@ -24,12 +31,10 @@ gk.Deck = class {
 
   #heading(entry) {
     const e = this.episode;
-    const run = gk.page.runs.find((known) => known.key === e.run);
     const texts = [`${e.turns} steps`, gk.endText(e.end)];
     if (e.seed !== null && e.seed !== undefined) texts.unshift(`seed ${e.seed}`);
     const named = gk.page.runs.length > 1 || gk.served;
-    const heading = gk.node("h3", {}, `Episode ${e.index}`, ...(named ? [" of ", gk.name(run?.name ?? e.run)] : []));
-    if (named && run && run.name !== e.run) heading.append(" (run ", gk.name(e.run), ")");
+    const heading = gk.node("h3", {}, `Episode ${e.index}`, ...(named ? [" of ", gk.name(gk.runText(e.run))] : []));
     const facts = gk.node("p", { class: "deck-facts", text: texts.join(" · ") });
     for (const label of entry?.labels ?? []) facts.append(" ", gk.node("span", { class: "badge plain" }, gk.name(label)));
     return gk.node("header", {}, heading, facts);
@@ -45,7 +50,7 @@ gk.Deck = class {
     const e = this.episode;
     if (!e.base && !e.change) return null;
     const note = gk.node("p", { class: "note" });
-    if (e.base) note.append("A counterfactual of ", gk.name(e.base.run), `, episode ${e.base.episode}. `);
+    if (e.base) note.append("A counterfactual of ", gk.name(gk.runText(e.base.run)), `, episode ${e.base.episode}. `);
     if (e.change) note.append("Changed: ", gk.name(e.change));
     return note;
   }
@@ -104,8 +109,7 @@ gk.Deck = class {
 
   // The marks of a pair: where these two part, and not where one of them parts from a third.
   mark(extra) {
-    this.lanes.marks = [...this.episode.marks.filter((mark) => mark.kind !== "divergence"), ...extra].sort((a, b) => a.turn - b.turn);
-    this.lanes.redraw();
+    this.lanes.mark([...this.episode.marks.filter((mark) => mark.kind !== "divergence"), ...extra].sort((a, b) => a.turn - b.turn));
   }
 
   // Everything again, in the colours that hold now; at once, since a page that is printed waits for no frame.

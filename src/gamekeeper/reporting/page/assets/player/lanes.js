@@ -48,8 +48,22 @@ gk.Lanes = class {
     this.box = gk.node("div", { class: "lanes-box" }, this.ruler, this.scroll, this.shade, this.line);
     this.#fit();
     this.canvas.setAttribute("aria-label", this.summary());
+    const note = "The height of a reward is the square root of its share of the episode's largest.";
+    this.legend = gk.node("span", { class: "lanes-legend", title: note }, ...gk.legendOf(this.episode, this.every));
     this.zooms = this.#zooms();
     this.root = gk.node("div", { class: "lanes" }, this.zooms, this.box);
+  }
+
+  // Marks and penalties.
+  get every() {
+    return [...this.marks, ...this.episode.penalties];
+  }
+
+  // Others than the episode's own marks.
+  mark(marks) {
+    this.marks = marks;
+    this.legend.replaceChildren(...gk.legendOf(this.episode, this.every));
+    this.redraw();
   }
 
   #fit() {
@@ -81,7 +95,7 @@ gk.Lanes = class {
       button("−", "Show more turns", () => this.zoomBy(0.5)),
       button("+", "Show fewer turns", () => this.zoomBy(2)),
       button("All", "Show all turns", () => this.zoomBy(0)),
-      legend(),
+      this.legend,
     );
   }
 
@@ -201,7 +215,7 @@ gk.Lanes = class {
       gk.drawLane(ink, this.episode, agent, this.pyramids.level(agent, 1 / shape.perTurn), shape);
       ink.restore();
     }
-    gk.drawRuler(this.ruler, this.episode, [...this.marks, ...this.episode.penalties], shape);
+    gk.drawRuler(this.ruler, this.episode, this.every, shape);
     this.ruler.style.marginLeft = `${this.left}px`;
     this.#nameLanes(from, past, top);
     this.#place();
@@ -260,20 +274,4 @@ const orderOf = (episode) => {
   const centre = middle(returns);
   const far = returns.map((value) => Math.abs(value - centre));
   return places.sort((a, b) => far[b] - far[a] || a - b);
-};
-
-const KEYS = [
-  ["key-acted", "acted, in the agent’s colour"],
-  ["key-idle", "did “nothing”"],
-  ["key-gain", "reward above 0"],
-  ["key-loss", "reward below 0"],
-  ["key-cumulative", "cumulative reward"],
-  ["key-ended", "ended (open: truncated)"],
-  ["key-mark", "failure or difference"],
-];
-
-const legend = () => {
-  const items = KEYS.map(([kind, text]) => gk.node("span", { class: "key" }, gk.node("i", { class: kind, "aria-hidden": "true" }), text));
-  const note = "The height of a reward is the square root of its share of the episode's largest.";
-  return gk.node("span", { class: "lanes-legend", title: note }, ...items);
 };

@@ -133,7 +133,7 @@ gk.EpisodeList = class {
   #row(entry, columns) {
     const row = gk.node("tr", { class: this.shown.has(`${entry.run}/${entry.episode}`) ? "shown" : null });
     const cells = {
-      run: () => gk.node("td", {}, gk.name(entry.run)),
+      run: () => gk.node("td", {}, gk.name(gk.runText(entry.run))),
       episode: () => gk.node("th", { scope: "row", text: String(entry.episode) }),
       seed: () => gk.node("td", { text: String(entry.seed ?? "") }),
       end: () => gk.node("td", {}, gk.name(gk.endText(entry.end))),
@@ -148,7 +148,7 @@ gk.EpisodeList = class {
     const notes = gk.node("td");
     if (entry.failing) notes.append(gk.node("span", { class: "badge high", text: "failing" }), " ");
     for (const label of entry.labels ?? []) notes.append(gk.node("span", { class: "badge plain" }, gk.name(label)), " ");
-    if (entry.base) notes.append("counterfactual of ", gk.name(`${entry.base.run}/${entry.base.episode}`), " ");
+    if (entry.base) notes.append("counterfactual of ", gk.name(`${gk.runText(entry.base.run)}, episode ${entry.base.episode}`), " ");
     if (entry.why?.length) notes.append(gk.name(entry.why.join(", ")));
     return notes;
   }

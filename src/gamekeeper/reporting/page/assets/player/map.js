@@ -68,7 +68,7 @@ gk.MapDrawing = class {
       };
     });
     this.canvas = gk.node("canvas", { class: "drawing-map", role: "img" });
-    const words = [this.scene?.legend, "line: an agent's way here", "hollow: it has ended"];
+    const words = [this.scene?.legend, ...gk.roleWords(episode), "line: an agent's way here", "hollow: it has ended"];
     this.root = gk.node("div", {}, this.canvas, gk.node("p", { class: "note legend", text: words.filter(Boolean).join(" · ") }));
   }
 
@@ -172,7 +172,8 @@ gk.MapDrawing = class {
     if (seat === undefined) return false;
     ink.fillStyle = gk.colourAt(gk.placeOf("agent", name));
     ink.beginPath();
-    SHAPES[seat % SHAPES.length](ink, x, y, size);
+    const role = gk.roleWords(this.episode).length ? gk.placeOf("role", this.episode.agents[seat].role) : seat;
+    SHAPES[role % SHAPES.length](ink, x, y, size);
     ink.fill();
     return true;
   }

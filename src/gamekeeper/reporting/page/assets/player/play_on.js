@@ -131,7 +131,7 @@ gk.PlayOn = class {
     if (!offered) return;
     const recorded = this.episode.value(this.episode.action[row]);
     const named = gk.own(this.episode.agents[seat], "actions") ?? [];
-    const label = (action) => `${action}${named[action] ? ` ${gk.visible(named[action])}` : ""}${action === recorded ? " (as recorded)" : ""}`;
+    const label = (action) => `${named[action] ? `${gk.visible(named[action])} (${action})` : action}${action === recorded ? ", as recorded" : ""}`;
     const legal = legalOf(this.episode, row, actions);
     const [action, policy] = [this.action.value, this.policy.value];
     this.action.replaceChildren(...legal.map((each) => option(String(each), label(each))));

@@ -29,7 +29,7 @@ gk.Player = class {
     this.follow = gk.node("input", { type: "checkbox" });
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
     this.playOn = gk.page.play_on && new gk.PlayOn(this);
-    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.playOn?.root ?? "", this.stage, this.#keys()];
+    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.curve.root, this.jumps, this.playOn?.root ?? "", this.stage, this.#keys()];
     // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
     this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
@@ -67,14 +67,21 @@ gk.Player = class {
     this.number = gk.node("input", { type: "number", min: "0", value: "0", "aria-label": "Go to turn", title: "Go to turn" });
     this.number.addEventListener("input", () => this.number.value !== "" && this.to(Number(this.number.value)));
     this.until = gk.node("span");
-    this.where = gk.node("label", { class: "where" }, "Turn ", this.number, this.until);
+    this.where = gk.node("label", { class: "where" }, gk.node("span", { class: "where-word", text: "Turn " }), this.number, this.until);
+    this.legend = gk.node("div", { class: "legend-panel note", id: "gk-legend", hidden: true });
+    this.explain = gk.node("button", { type: "button", class: "explain", text: "Legend", title: "What the signs mean", "aria-expanded": "false", "aria-controls": "gk-legend" });
+    this.explain.addEventListener("click", () => this.explain.setAttribute("aria-expanded", String(!(this.legend.hidden = !this.legend.hidden))));
     this.faster(0);
-    return gk.node(
+    this.bar = gk.node(
       "div",
       { class: "controls", role: "group", "aria-label": "Playback" },
-      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.ranging, this.where, this.picking, this.following),
-      gk.node("div", { class: "control-slider" }, this.slider, this.ticks, this.curve.root),
+      gk.node("div", { class: "control-buttons" }, ...buttons, this.where, this.explain, this.picking, this.following, speed, this.ranging),
+      gk.node("div", { class: "control-slider" }, this.slider, this.ticks),
+      this.legend,
     );
+    // What is jumped to stands below the bar, however high it is.
+    new ResizeObserver(() => this.host.style.setProperty("--bar", `${this.bar.offsetHeight}px`)).observe(this.bar);
+    return this.bar;
   }
 
   #keys() {
@@ -222,6 +229,7 @@ gk.Player = class {
     this.#fillJumps();
     this.list.show(entries.map((entry) => `${entry.run}/${entry.episode}`));
     this.#stress();
+    this.legend.replaceChildren(...gk.legendOf(one.episode, this.decks.flatMap((deck) => deck.lanes.every)));
     this.decks.forEach((deck) => deck.lanes.draw());
   }
 
@@ -234,7 +242,7 @@ gk.Player = class {
     const per = one ? lanes.width / (this.last + 1) : 0;
     const from = one ? lanes.canvas.getBoundingClientRect().left - row.getBoundingClientRect().left + per / 2 - half : 0;
     const wide = one ? this.last * per + THUMB : row.clientWidth;
-    row.style.paddingLeft = `${from}px`;
+    row.style.paddingLeft = this.curve.root.style.paddingLeft = `${from}px`;
     this.slider.style.width = `${wide}px`;
     const ink = gk.sized(this.ticks, wide, TICKS);
     ink.clearRect(0, 0, wide, TICKS);

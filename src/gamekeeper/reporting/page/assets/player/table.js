@@ -17,7 +17,7 @@ const maskText = (mask) => {
 };
 
 const COLUMNS = [
-  { field: "action", title: "action", note: "the action; · marks the declared noop", long: true },
+  { field: "action", title: "action", note: "the action, its number in brackets", long: true },
   { field: "paid", title: "reward", note: "the reward of this turn", number: true },
   { field: "cumulative_reward", title: "cumulative reward", note: "the cumulative reward before the action, as last() returns it", number: true },
   { field: "total", title: "return so far", note: "sum of the rewards up to this turn", number: true },
@@ -27,12 +27,14 @@ const COLUMNS = [
   { field: "nonconforming", title: "nonconforming", note: "values that don't fit their space or the protocol", long: true },
 ];
 
-// An action by its number and name; · marks the declared noop.
+// An action by its name, its number in brackets; the declared noop without a name is called so.
 gk.actionText = (episode, row) => {
   const value = episode.value(episode.action[row]);
   const name = gk.own(episode.agents[episode.agent[row]].actions ?? [], value);
-  const text = name === null || !Number.isInteger(value) ? gk.plain(value) : `${value} ${gk.visible(name)}`;
-  return episode.isIdle(row) ? `${text} ·` : text;
+  const isNamed = name !== null && Number.isInteger(value);
+  const text = gk.plain(value);
+  if (!isNamed) return episode.isIdle(row) && Number.isInteger(value) ? `noop (${text})` : text;
+  return `${gk.visible(name)} (${text})`;
 };
 
 gk.TurnTable = class {

@@ -33,6 +33,9 @@ gk.placeOf = (kind, name) => {
   return known.get(name);
 };
 
+// Whether two agents of the page have one colour.
+gk.coloursRepeat = () => placesOf().agent.size > gk.colours().series.length;
+
 gk.colourAt = (place) => {
   const { series } = gk.colours();
   return series[place % series.length];

@@ -18,7 +18,7 @@ const totals = (episode, agent, from, to) => {
     counts.set(text, (counts.get(text) ?? 0) + 1);
   }
   const [text, count] = [...counts].reduce((best, each) => (each[1] > best[1] ? each : best), ["", 0]);
-  if (count) found.often = `${text} (${count})`;
+  if (count) found.often = `${text}, ${count} of ${found.acted}`;
   found.paid = episode.paidUntil(agent, to) - (from ? episode.paidUntil(agent, from - 1) : 0);
   return found;
 };
