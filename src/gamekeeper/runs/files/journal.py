@@ -78,10 +78,8 @@ class JournalWriter:
         Args:
             is_timed: the run keeps the times of steps.
         Returns:
-            False, and nothing is written, where something stands in them that isn't plain: a large
-            observation that was put aside.
-        Raises:
-            RunError: the disk refuses; the file then ends as before.
+            False, and nothing is written, where something stands in them that isn't plain (a large
+            observation that was put aside), or the disk refuses: columns take less room.
         """
         known = len(layout.order), layout.state
         frame: dict[str, Any] = {}
@@ -92,7 +90,8 @@ class JournalWriter:
             content = msgpack.packb(frame, default=_plain, unicode_errors=_SURROGATES)
         except (TypeError, ValueError, OverflowError):
             return False
-        self._put(HEAD.pack(len(content), zlib.crc32(content)) + content)
+        if not self._put(HEAD.pack(len(content), zlib.crc32(content)) + content):
+            return False
         self._described = known
         return True
 
@@ -112,15 +111,17 @@ class JournalWriter:
             os.close(self._descriptor)
             self._descriptor = -1
 
-    def _put(self, data: bytes) -> None:
+    def _put(self, data: bytes) -> bool:
+        """Puts all of it into the file, or nothing."""
         try:
             if self._descriptor < 0:
                 self._descriptor = os.open(self._path, NEW_FLAGS, 0o666)
             write_all(self._descriptor, data)
-        except OSError as error:
+        except OSError:
             self._cut_to(self._size)
-            raise system_error(f"writing {JOURNAL}", self._path, error) from error
+            return False
         self._size += len(data)
+        return True
 
     def _cut_to(self, size: int) -> None:
         try:
