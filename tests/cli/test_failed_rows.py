@@ -29,7 +29,7 @@ def test_rows_that_miss_their_space_are_said(
     code, replayed = document(capfd, "replay", run, "--env", SHRINKS)
     assert (code, [each["id"] for each in replayed["verdicts"]]) == (0, ["GK213"])
     page = report(run, tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "GK213  Rule broken: " in page
+    assert "GK213: “Every observation" in page
 
     code, recorded = document(capfd, "rollout", LINE, "--episodes", 1, "--out", sound)
     assert (code, recorded["verdicts"]) == (0, [])
