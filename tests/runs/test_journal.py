@@ -20,6 +20,7 @@ from gamekeeper.episodes.evidence import manifest_of
 from gamekeeper.errors import RunError
 from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.runs import recorder
+from gamekeeper.runs.files import journal
 from gamekeeper.runs.files.journal import HEAD
 from gamekeeper.runs.files.open_streams import open_tables
 from gamekeeper.runs.files.segments import JOURNAL
@@ -288,3 +289,14 @@ def test_journal_that_was_forged_is_refused(tmp_path: Path, how: str) -> None:
     (folder / JOURNAL).write_bytes(HEAD.pack(len(changed), zlib.crc32(changed)) + changed)
     with pytest.raises(RunError, match=f"{JOURNAL}|episodes"):
         gk.load(folder)
+
+
+def test_journal_that_is_emptied_while_it_is_read_is_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bytes of two generations are no damage of a run that is being recorded."""
+    folder = run_of(tmp_path / "run", rows(tmp_path, "box"), "full", encoded=0, journaled=7)
+    data = (folder / JOURNAL).read_bytes()
+    seen = [data[:-9] + bytes([data[-9] ^ 1]) + data[-8:]]
+    monkeypatch.setattr(journal, "read_bounded", lambda *_: seen.pop() if seen else data)
+    assert gk.load(folder).agent_steps.num_rows > 14

@@ -303,7 +303,7 @@ def test_last_observations_behave_as_an_array_of_objects() -> None:
         assert (finals.shape, finals.dtype, finals.ndim, len(finals)) == ((4,), object, 1, 4)
         plain = np.asarray(finals)
         assert np.stack(finals[is_final]).shape == (4, 3, 18)
-        assert (infos["final_info"] != None).tolist() == [True] * 4  # noqa: E711
+        assert (infos["final_info"] != None).tolist() == [True] * 4  # noqa: E711  # element by element
         assert np.stack(list(finals)[1:3]).tolist() == np.stack(finals[1:3]).tolist()
         finals[0] = None
         assert finals[0] is finals.copy()[0] is None

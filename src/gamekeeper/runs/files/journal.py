@@ -41,7 +41,7 @@ from gamekeeper.episodes.buffer import (
 from gamekeeper.episodes.encoder import Encoder
 from gamekeeper.episodes.layout import AgentColumns, Column, Layout, SpaceColumns, is_leaf
 from gamekeeper.episodes.spaces import Codec, Leaf
-from gamekeeper.errors import GamekeeperError
+from gamekeeper.errors import GamekeeperError, RunError
 from gamekeeper.runs.files.folder import (
     NEW_FLAGS,
     inside,
@@ -208,6 +208,15 @@ def read_journal(folder: Path, level: str, *, salvage: bool) -> JournalRows:
     if not path.exists():
         return JournalRows()
     data = read_bounded(path, MOST_BYTES)
+    try:
+        return _read(path, data, level, salvage=salvage)
+    except RunError:  # perhaps it was emptied while it was read, and written anew
+        if path.exists() and data == read_bounded(path, MOST_BYTES):
+            raise
+        return read_journal(folder, level, salvage=salvage)
+
+
+def _read(path: Path, data: bytes, level: str, *, salvage: bool) -> JournalRows:
     with reading(path):
         try:
             return _rows(data, level, salvage=salvage)
