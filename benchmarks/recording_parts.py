@@ -127,7 +127,9 @@ def main() -> None:
         turns = 100 if name.endswith("_512") else TURNS[kind]
         buffered = 500 if name.endswith("_512") else BUFFERED_PARTS[kind]
         bare, taken, stated = stepping(make, player, turns, options.bursts, options.level)
-        journaled, encoded, appended = writing(make, player, buffered, options.bursts, options.level)
+        journaled, encoded, appended = writing(
+            make, player, buffered, options.bursts, options.level
+        )
         parts = {
             "bare": bare,
             "taken": taken - bare,
