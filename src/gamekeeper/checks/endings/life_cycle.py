@@ -138,8 +138,8 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     "GK523",
     needs=("lifecycle",),
     severity=HIGH,
-    fix="mend what a reset raises; let reset() make the whole state new, whatever the episode before "
-    "left, and name the live agents in `agents`",
+    fix="let reset() make the whole state new, whatever the episode before left, and name the "
+    "live agents; where it raises, at the line that `actual` names",
 )
 def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A reset begins an episode at any time: at first, in mid-episode, at its end, twice in a row.
