@@ -28,6 +28,8 @@ from catalogue import Listed, catalogue
 
 AUDIT_S: Final = 90
 """Time limit that the audit is given (`--seconds`)."""
+DEFAULT_S: Final = 150
+"""The same for audits of the default budget."""
 OUTER_S: Final = 300
 """Time after which the process is ended: an audit that doesn't keep its limit."""
 SURROUNDINGS: Final = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
@@ -70,11 +72,12 @@ def one_of_each_first(listed: Iterable[Listed]) -> list[Listed]:
 def audited(each: Listed, command: Path, source: Path, *, quick: bool) -> dict[str, Any]:
     """One audit's JSON, or what ended it without one."""
     words = [str(command), "audit", each.spec, "--json", "--quiet"]
-    words += ["--quick", "--seconds", str(AUDIT_S)] if quick else []
-    words += ["--kwargs", json.dumps(dict(each.kwargs))]
+    limit_s = AUDIT_S if quick else DEFAULT_S
+    words += ["--quick"] if quick else []
+    words += ["--seconds", str(limit_s), "--kwargs", json.dumps(dict(each.kwargs))]
     surroundings = {**os.environ, **SURROUNDINGS, "PYTHONPATH": str(source / "src")}
     result: dict[str, Any] = {"key": each.key, "group": each.group, "gamekeeper": _commit(source)}
-    result |= {"limit_s": AUDIT_S if quick else None, "audited": time.strftime("%Y-%m-%d")}
+    result |= {"limit_s": limit_s, "audited": time.strftime("%Y-%m-%d")}
     start = time.monotonic()
     try:
         done = subprocess.run(
