@@ -13,7 +13,13 @@ from gamekeeper.auditing import elsewhere
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
 from gamekeeper.auditing.confirm import TRIES, Confirmation, _share_until
-from gamekeeper.auditing.holds import ClassState, calls_of_class, globals_held
+from gamekeeper.auditing.holds import (
+    ClassState,
+    calls_of_class,
+    globals_held,
+    observe_held,
+    rewards_held,
+)
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
@@ -274,3 +280,24 @@ def test_calls_that_an_instance_keeps_are_held_too() -> None:
 
     make = globals_held(calls_of_class(Wrapper))
     assert make().reset() == make().reset()
+
+
+class Uncleared:
+    """Pays 1 more in every step, and counts the calls of observe()."""
+
+    def __init__(self) -> None:
+        self.rewards, self.calls = {"a": 0}, 0
+
+    def step(self, action: Any) -> None:
+        self.rewards["a"] += 1
+
+    def observe(self, agent: str) -> int:
+        self.calls += 1
+        return self.calls
+
+
+def test_rewards_and_observe_are_held_still() -> None:
+    """Rewards are of their step alone, and no call of observe() is seen by the next."""
+    env = rewards_held(observe_held(Uncleared))()
+    assert [env.step(0) or env.rewards["a"] for _ in range(3)] == [1, 1, 1]
+    assert [env.observe("a"), env.observe("a"), env.calls] == [1, 1, 0]

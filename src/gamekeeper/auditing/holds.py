@@ -322,6 +322,36 @@ def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
+def observe_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Calls `observe()` of a copy, so that no call changes the game."""
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+        if not hasattr(cls, "observe"):
+            return env
+        return with_class(env, observe=lambda self, a: cls.observe(copy.deepcopy(self), a))
+
+    return built
+
+
+def rewards_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Clears `rewards` before each step."""
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+
+        def step(self: Any, action: Any) -> Any:
+            for agent in getattr(self, "rewards", ()):
+                self.rewards[agent] = 0
+            return cls.step(self, action)
+
+        return with_class(env, step=step)
+
+    return built
+
+
 def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Takes agents that have ended out of `agents`; without agents nothing is played on."""
 
@@ -482,6 +512,8 @@ STATE: Final = Hold("what state() gives copied", state_held, ("GK622",))
 READINGS: Final = Hold(
     "generators put back after state() and render()", readings_held, ("GK805", "GK814")
 )
+OBSERVE: Final = Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True)
+REWARDS: Final = Hold("`rewards` cleared before each step", rewards_held, ("GK411",))
 ENDED: Final = Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",))
 ENTRIES: Final = Hold(
     "entries of agents that aren't in the game deleted",
@@ -501,6 +533,7 @@ HOLDS: Final = {
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,
+    "GK634": OBSERVE,
     "GK607": CLASSES,
     "GK701": COPIES,
     "GK610": OBSERVATIONS,
@@ -508,6 +541,7 @@ HOLDS: Final = {
     "GK612": STATE,
     "GK636": READINGS,
     "GK637": READINGS,
+    "GK405": REWARDS,
     "GK503": ENDED,
     "GK106": ENTRIES,
     "GK311": ORDERS,

@@ -117,6 +117,8 @@ def _timed(
         tried.append((then, agent, action))
         if abs(two.reward(paid, payee) - one.reward(paid, payee)) >= enough:
             return PaymentTime(payee, amount, tuple(tried), is_on_time=True)
+    if not tried:
+        return None
     before = {
         agent: found[agent]
         for agent, then in own.items()
@@ -137,7 +139,7 @@ def _timed(
             return PaymentTime(
                 payee, amount, tuple(tried), decided=(then, agent, action), shown=shown, after=after
             )
-    return PaymentTime(payee, amount, tuple(tried)) if tried else None
+    return PaymentTime(payee, amount, tuple(tried))
 
 
 def _alternatives(
