@@ -17,7 +17,9 @@ from gamekeeper.auditing.holds import (
     ClassState,
     calls_of_class,
     globals_held,
+    names_held,
     observe_held,
+    readings_held,
     rewards_held,
 )
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
@@ -291,13 +293,23 @@ class Uncleared:
     def step(self, action: Any) -> None:
         self.rewards["a"] += 1
 
-    def observe(self, agent: str) -> int:
+    def observe(self, agent: str = "a") -> int:
         self.calls += 1
         return self.calls
 
+    state = render = observe
 
-def test_rewards_and_observe_are_held_still() -> None:
-    """Rewards are of their step alone, and no call of observe() is seen by the next."""
-    env = rewards_held(observe_held(Uncleared))()
+    def reset(self) -> None:
+        self.agents = self.possible_agents = ["a", "b", "a"]
+
+
+def test_rewards_names_and_readings_are_held_still() -> None:
+    """Rewards are of their step alone, names stand once, and no reading is seen by the next."""
+    env = names_held(readings_held(rewards_held(observe_held(Uncleared))))()
+    env.reset()
+    assert env.agents == env.possible_agents == ["a", "b"]
     assert [env.step(0) or env.rewards["a"] for _ in range(3)] == [1, 1, 1]
-    assert [env.observe("a"), env.observe("a"), env.calls] == [1, 1, 0]
+    assert [env.observe("a"), env.observe("a"), env.state(), env.render(), env.calls] == [
+        *(1, 1, 1, 1),
+        0,
+    ]

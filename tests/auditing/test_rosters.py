@@ -213,7 +213,12 @@ def test_a_reset_of_another_form_is_found() -> None:
         def reset(self, seed: int | None = None, options: Any = None) -> Any:
             return super().reset()[0]
 
-    assert "GK110" in broken(Old)
+        def step(self, actions: Any) -> Any:
+            return super().step(actions)[:4]
+
+    found = audit_here(Old, select=("GK110", "GK601", "GK608"), budget=300)
+    assert found.of("GK110").outcome == "failed"
+    assert {found.of(each).outcome for each in ("GK601", "GK608")} == {"not_exercised"}
 
 
 @pytest.mark.parametrize("book", ["rewards", "terminations", "truncations", "infos"])

@@ -6,13 +6,13 @@ one cause held still. Its source stands at the head of the program, so it names 
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import gc
 import inspect
 import random
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -296,10 +296,12 @@ def state_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Puts the generators back where they stood before `state()` or `render()`."""
+    """Calls `state()` and `render()` of a copy; else puts the generators back after them."""
 
     def kept(call: Callable[..., Any]) -> Callable[..., Any]:
         def reading(self: Any) -> Any:
+            with contextlib.suppress(Exception):  # of a window there is no copy
+                return call(copy.deepcopy(self))
             # where they stand is in copies of them, and a copy's draw leaves them alone
             before = [(each, copy.deepcopy(each)) for each in own_generators(self)]
             value = call(self)
@@ -348,6 +350,24 @@ def rewards_held(make: Callable[[], Any]) -> Callable[[], Any]:
             return cls.step(self, action)
 
         return with_class(env, step=step)
+
+    return built
+
+
+def names_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Leaves each agent once in the rosters after a reset."""
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            out = cls.reset(self, *args, **kwargs)
+            for roster in (self.agents, self.possible_agents):
+                roster[:] = dict.fromkeys(roster)
+            return out
+
+        return with_class(env, reset=reset)
 
     return built
 
@@ -427,7 +447,7 @@ def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
-@contextmanager
+@contextlib.contextmanager
 def still_entropy() -> Iterator[None]:
     """Within it a generator that asks the system for entropy gets the same bits each time."""
     put_back = hold_entropy()
@@ -448,7 +468,7 @@ class ClassState:
     def __init__(self, env: Any) -> None:
         self._values: list[tuple[Any, str, Any]] = []
         for owner, name, value in _kept_by_classes(env):
-            with suppress(Exception):  # what can't be copied stays as it is
+            with contextlib.suppress(Exception):  # what can't be copied stays as it is
                 self._values.append((owner, name, copy.deepcopy(value)))
 
     def restore(self) -> None:
@@ -509,11 +529,10 @@ OBSERVATIONS: Final = Hold(
 )
 INFOS: Final = Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624"))
 STATE: Final = Hold("what state() gives copied", state_held, ("GK622",))
-READINGS: Final = Hold(
-    "generators put back after state() and render()", readings_held, ("GK805", "GK814")
-)
+READINGS: Final = Hold("state() and render() called on a copy", readings_held, ("GK805", "GK814"))
 OBSERVE: Final = Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True)
-REWARDS: Final = Hold("`rewards` cleared before each step", rewards_held, ("GK411",))
+REWARDS: Final = Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411"))
+NAMES: Final = Hold("agents named once each after every reset", names_held, ("GK102",))
 ENDED: Final = Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",))
 ENTRIES: Final = Hold(
     "entries of agents that aren't in the game deleted",
@@ -542,6 +561,7 @@ HOLDS: Final = {
     "GK636": READINGS,
     "GK637": READINGS,
     "GK405": REWARDS,
+    "GK104": NAMES,
     "GK503": ENDED,
     "GK106": ENTRIES,
     "GK311": ORDERS,

@@ -199,6 +199,8 @@ def _step(lab: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
         infos = done.value[4]
         if isinstance(infos, dict):
             gave.append(("infos", None, {a: _without(i, contract) for a, i in infos.items()}))
+    else:
+        gave.append(("step()", None, snapshot(done.value)))
     state = lab.call("state", methodcaller("state"), env)
     if state.failed is None:
         gave.append(("state()", None, snapshot(state.value)))
