@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,24 +12,18 @@ from gamekeeper.checks.check import Check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.verdict import NO_CASE, SEVERITIES, Finding, Outcome, Severity, Verdict
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.episode import Turn
 
 MOST_SHOWN: Final = 3
 """Broken cases of one check that become findings, each of another field."""
 FAR: Final = 1 << 60
-READ_TURNS: Final = 100
-"""Turns of an episode in which an observation is looked for."""
 NOISE: Final = "the same seed and actions give another episode each time, so none can be compared"
 LEAKS: Final = (
     "the same seed and actions give the same episode in fresh instances, but another one here, so "
     "none can be compared: it differs after another episode (see GK604)"
 )
-UNREAD: Final = (
-    "nothing that reset and step hand out could be read as an observation, so plays that seem "
-    "equal say nothing"
-)
-OF_NO_PLAY: Final = ("cost", "metadata", "render", "spaces", "surface")
-"""Probes that see what they look at without an observation."""
+
+NOT_COMPARED: Final = frozenset({"metadata", "spaces", "surface"})
+"""Probes whose facts are of single calls: they see something where plays show nothing."""
 
 WANTED: Final = {
     "alternated": "a second instance that can be built, reset and stepped beside the first",
@@ -124,22 +118,10 @@ def judge(
         )
     if not cases:
         return Judged(check, "not_exercised", reason=_not_exercised(check, evidence))
-    if not set(check.needs) <= set(OF_NO_PLAY) and _is_unread(evidence):
-        return Judged(check, "not_exercised", reason=UNREAD)
+    if evidence.blind and not NOT_COMPARED.issuperset(check.needs):
+        return Judged(check, "not_exercised", reason=evidence.blind)
     reason = "" if waiver is None else f"its waiver isn't needed any more ({waiver})"
     return Judged(check, "passed", len(cases), reason=reason)
-
-
-def _is_unread(evidence: ProbeEvidence) -> bool:
-    """Tells whether episodes have turns of live agents, and no observation at all."""
-    read = (bool(turn.observations) for turn in _played(evidence))
-    return not any(read) and any(turn.order for turn in _played(evidence))
-
-
-def _played(evidence: ProbeEvidence) -> Iterator[Turn]:
-    for look in (look for each in evidence.looks.values() for look in each):
-        for trace in (*(each.base for each in look.counterfactuals), *look.traces):
-            yield from trace.turns[:READ_TURNS]
 
 
 def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
