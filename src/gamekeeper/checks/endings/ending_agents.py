@@ -160,7 +160,7 @@ assert env.agents or not silent, silent"""
 def the_episode_is_over_for_those_who_ended(
     contract: Contract, evidence: ProbeEvidence
 ) -> Iterator[Case]:
-    """Where the end of one agent empties `agents`, the others terminate or truncate too.
+    """Ending one agent empties `agents` only where the others terminate or truncate too.
 
     The others' last step looks like any other: their returns are bootstrapped from a state that
     nobody ever plays on from.
