@@ -33,7 +33,7 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "conflicts": "too few moves changed another agent of their role, or draws blur it",
     "legality": "too few comparisons of masks of other agents",
     "messages": "too few comparisons of what replaced moves change",
-    "deterministic": "no rerun",
+    "deterministic": "no rerun of an instance that plays the same again once used",
     "horizon": "no two whole episodes were truncated at the same length",
     "symmetric": "too few episodes in which two agents of a role came to different results",
     "advice": "too few comparisons",

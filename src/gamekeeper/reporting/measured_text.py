@@ -37,7 +37,7 @@ DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
 }
 """Places of a contract that declare a key of `measured`; `*`: each name."""
 BY_AGENT: Final = "by_agent"
-COLUMNS: Final = {"least": "least reward", "most": "largest"}
+COLUMNS: Final = {"least": "least reward", "most": "largest", "open": "not ended"}
 """Names of columns that are more than their key."""
 LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
@@ -64,10 +64,9 @@ ERRORS: Final = "The environment raised exceptions, so this was left out of the 
 ADVICE: Final = "Which API fits this game"
 TICK: Final = "tick: one step in which every live agent acts once."
 SCHEDULE: Final = (
-    "stages: roles that act together, then those that act after them; order: of the agents of a "
-    'stage ("none": simultaneously); observe: observations are of the time after the tick, or '
-    "after a turn; conflicts: what settles actions that exclude each other (a joint rule needs no "
-    "order)."
+    'stages: roles that act together; order: of the agents of a stage ("none": all at once); '
+    "observe: when observations are taken; conflicts: what settles actions that exclude each "
+    'other ("joint rule": all actions together, without an order).'
 )
 SYMMETRIC: Final = (
     "symmetric: agents of one role seem interchangeable. p-value: how likely returns as unequal as "
@@ -143,9 +142,9 @@ def _value(key: str, value: Any, measured: Document) -> str:
         text, ticks = ORDER_MATTERS.get(str(value), ""), measured.get("order_ticks")
         return f"{text} in {ticks:,} ticks" if value == "none" and ticks else text
     if key in ("may_join", "may_leave") and value == []:
-        return "no agent did"
+        return "no agent came later" if key == "may_join" else "no agent left without an end"
     if key == "stages" and value:
-        return ", then ".join(" with ".join(stage) for stage in value)
+        return ", then ".join(" and ".join(stage) for stage in value)
     return words(value)
 
 
@@ -230,8 +229,8 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        return f"its action changes the world, so it isn't a message, {value['n']:,} comparisons"
-    return f"its action is a message to {words(value['to'])}, {value['n']:,} comparisons"
+        return f"no message: its action changes the world ({value['n']:,} comparisons)"
+    return f"its action is a message to {words(value['to'])} ({value['n']:,} comparisons)"
 
 
 def _payments(value: Document) -> str:
@@ -244,7 +243,7 @@ def _payments(value: Document) -> str:
         if value.get(key) is not None:
             parts.append(yes if value[key] else no)
     if "n" in value:
-        parts.append(f"{value['n']:,} steps paid something")
+        parts.append(f"{value['n']:,} env steps had a reward other than 0")
     return "; ".join(parts)
 
 
