@@ -7,10 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.reporting.diagnosis_text import (
+    acted_text,
     answer_sentence,
     contradiction_lines,
     difference_place,
     head_line,
+    restored_first,
 )
 from gamekeeper.reporting.results_text import few
 from gamekeeper.reporting.text_columns import wrapped
@@ -82,10 +84,10 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _since(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """A row of the first turn at which a failed episode differs from its restored one."""
-    first = next(
-        (each for each in document["counterfactuals"] if each["restored"] and each["failed"]), None
-    )
-    if first is not None and difference_place(first):
+    first = restored_first(document)
+    if first is not None and acted_text(first):
+        yield "Since", f"{acted_text(first)}."
+    elif first is not None:
         yield (
             "Since",
             f"{difference_place(first)} in episode {first['episode']}: the first difference to "
