@@ -36,6 +36,10 @@ TYPED: Final = (
     "attribute runs/stuck --episodes 20 --action-episodes 10",
     "evaluate two_robot_line --policy reference --policy random",
     "report runs/stuck --out stuck.html",
+    "view runs/stuck --no-browser",
+    "resume runs/stuck --episode 0 --turn 3",
+    "rollout my_task/src/my_task/env.py:MyTask --policy reference --episodes 3 --out runs/mine",
+    "bisect runs/mine --repo my_task --allow-import",
     "show runs/stuck",
     'query runs/stuck "SELECT agent, max(return) FROM returns GROUP BY 1"',
     "video runs/stuck --render --out stuck.mp4",
@@ -45,6 +49,16 @@ TYPED: Final = (
     "pack runs/first --out claim",
     "reproduce claim",
 )
+COMMIT: Final = "git -C my_task -c user.name=me -c user.email=me commit -qam"
+AROUND: Final = {
+    "view": "timeout -s INT 20 {} | sed 's/token=.*/token=.../'",
+    "resume": "printf 'env.agents\nobservations\n' | {}",
+    "bisect": f"(cd my_task; git init -q; git add .); {COMMIT} rules; "
+    f"echo >> my_task/README.md; {COMMIT} words; "
+    f"sed -i 's/each, 1.0/each, 2.0/' my_task/src/my_task/env.py; {COMMIT} 'pay twice'; "
+    f"echo >> my_task/README.md; {COMMIT} 'more words'; {{}}",
+}
+"""What the shell does around a command that needs it: a console, an end, commits."""
 STYLE: Final = """
 svg { --ground: #f5f7f9; --ink: #1b1f24; --typed: #0b5cad; }
 @media (prefers-color-scheme: dark) {
@@ -88,7 +102,7 @@ def main() -> None:
         for command in TYPED:
             name = command.split()[0]
             done = subprocess.run(
-                f"gamekeeper {command}",
+                AROUND.get(name, "{}").format(f"gamekeeper {command}"),
                 shell=True,
                 cwd=here,
                 env=around,

@@ -1,4 +1,4 @@
-"""A diagnosis on one screen: who, since when, what undoes it, how sure, what to try next."""
+"""A diagnosis on one screen: who, where it differs, what undoes it, how sure, what to try next."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
         width: columns that no line exceeds, but for a command.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
-    rows = [*_who(document), *_since(document), *_undone(document)]
+    rows = [*_who(document), *_differs(document), *_undone(document)]
     rows += [*_others(document), *_noted(document), *_left_out(document)]
     lines = [
         line
@@ -82,14 +82,14 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "", f"{answer}: {CAUSES[answer]}"
 
 
-def _since(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _differs(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """A row of the first turn at which a failed episode differs from its restored one."""
     first = restored_first(document)
     if first is not None and acted_text(first):
-        yield "Since", f"{acted_text(first)}."
+        yield "Differs", f"{acted_text(first)}."
     elif first is not None:
         yield (
-            "Since",
+            "Differs",
             f"{difference_place(first)} in episode {first['episode']}: the first difference to "
             f"the same episode with {first['intervention']}",
         )

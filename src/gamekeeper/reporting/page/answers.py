@@ -297,7 +297,7 @@ def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
     each = restored_first(diagnosis)
     if each is not None:
         place = f"{run.key}/{each['episode']}/{each['turn']}"
-        text = f"since turn {each['turn']} of episode {each['episode']}"
+        text = f"first difference: turn {each['turn']} of episode {each['episode']}"
         link = {"link": f"#play:{place}", "link_text": text}
     text = f"{few(texts, most=3)} ({how})."
     return Answer("Likely cause", text, few(named, most=3), "failed", **link)
