@@ -352,7 +352,7 @@ def restored_first(document: Mapping[str, Any]) -> Mapping[str, Any] | None:
 
 
 def acted_text(counterfactual: Mapping[str, Any]) -> str:
-    """What an agent did in a failed episode, and in the same one restored; empty if not known."""
+    """An agent's action in a failed episode, and in the same one restored; empty if not known."""
     did, instead = counterfactual.get("did"), counterfactual.get("instead")
     if did is None or instead is None:
         return ""

@@ -304,7 +304,7 @@ def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
 
 
 def _did(run: ShownRun, diagnosis: Document | None) -> Answer | None:
-    """What an agent did in a failed episode and didn't in the same one restored, if it is known."""
+    """An agent's action in a failed episode and in the same one restored, if it is known."""
     each = restored_first(diagnosis or {})
     text = acted_text(each or {})
     if each is None or not text:
