@@ -1,11 +1,12 @@
-"""Where the cost of recording goes: taking rows down in the step, pressing them, appending them.
+"""Where the cost of recording goes: rows taken down in the step, journaled, encoded, appended.
 
 Prints a JSON line for each task, in microseconds of processor time of one thread per agent-step,
 the least of short interleaved bursts, so that it can be run beside other work: `bare` for the
-environment, `taken` for what the door adds in the step, `state` for what the environment's own
-`state()` does once a turn (noise where it has none), `encoded` for making columns and digests,
-`appended` for handing them to the operating system. What two threads that share one interpreter
-cost each other, and closing the run, are in `recording.py` only.
+environment, `taken` for what the capture adds in the step, `state` for what the environment's own
+`state()` does once a turn (noise where it has none), `journaled` for copying 40 ms of turns into
+the journal as they stand, `encoded` for making columns and digests of as many turns, `appended` for
+handing them to the operating system. What two threads that share one interpreter cost each other,
+and closing the run, are in `recording.py` only.
 
     python benchmarks/recording_parts.py [--tasks two_robot_line,aec_ours_2] [--bursts 60]
         [--level actions]
@@ -77,8 +78,8 @@ def stepping(
 
 def writing(
     make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int, level: str
-) -> tuple[float, float]:
-    """Seconds per row of encoding `turns` buffered turns, and of appending them to a run."""
+) -> tuple[float, float, float]:
+    """Seconds per row of journaling `turns` buffered turns, of encoding and of appending them."""
     sink = Held(level)
     env = recorded_of(capture_of(make(), sink=sink))
     rows = player(env, turns * BUFFERED_COUNT, np.random.default_rng(0))
@@ -86,7 +87,7 @@ def writing(
     buffered_parts: list[BufferedTurns] = []
     while (buffered := take(sink.buffer, most=turns)) is not None:
         buffered_parts.append(buffered)
-    encoded, appended = np.full(len(buffered_parts), np.inf), np.full(len(buffered_parts), np.inf)
+    journaled, encoded, appended = np.full((3, len(buffered_parts)), np.inf)
     for _ in range(max(3, bursts // 5)):
         encoder = Encoder(sink.layout, sink.rings.open, level=level)
         manifest = manifest_of(
@@ -96,6 +97,11 @@ def writing(
             store = RunStore.create(Path(folder) / "run", manifest)
             for place, buffered in enumerate(buffered_parts):
                 start = time.thread_time()
+                assert store.journal.write(buffered, sink.layout, is_timed=False)
+                written = time.thread_time()
+                journaled[place] = min(journaled[place], written - start)
+                store.journal.clear()
+                start = time.thread_time()
                 batches = list(encoder.encode_turns(buffered).in_order())
                 middle = time.thread_time()
                 for stream, batch in batches:
@@ -104,7 +110,7 @@ def writing(
                 encoded[place] = min(encoded[place], middle - start)
                 appended[place] = min(appended[place], end - middle)
             store.abandon()
-    return encoded.sum() / rows, appended.sum() / rows
+    return journaled.sum() / rows, encoded.sum() / rows, appended.sum() / rows
 
 
 def main() -> None:
@@ -121,11 +127,14 @@ def main() -> None:
         turns = 100 if name.endswith("_512") else TURNS[kind]
         buffered = 500 if name.endswith("_512") else BUFFERED_PARTS[kind]
         bare, taken, stated = stepping(make, player, turns, options.bursts, options.level)
-        encoded, appended = writing(make, player, buffered, options.bursts, options.level)
+        journaled, encoded, appended = writing(
+            make, player, buffered, options.bursts, options.level
+        )
         parts = {
             "bare": bare,
             "taken": taken - bare,
             "state": stated - taken,
+            "journaled": journaled,
             "encoded": encoded,
             "appended": appended,
         }

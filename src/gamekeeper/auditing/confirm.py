@@ -131,6 +131,9 @@ class Confirmation:
             if again[0] == again[1]:
                 (failed, tried), finding = again, replace(finding, reproducer=each.whole)
         is_shown = failed == tried
+        at = self._raised.get(finding.reproducer, "").partition(" ")[0] if is_shown else ""
+        if at and at not in finding.actual:
+            finding = replace(finding, actual=f"{finding.actual} (raised at {at})")
         if is_shown and each.unchanged:
             unchanged = is_shown = self.passes(each.unchanged)
         return finding, Reproduced(failed, tried, unchanged), is_shown

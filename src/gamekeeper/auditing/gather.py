@@ -31,6 +31,7 @@ from gamekeeper.rollouts.process_randomness import held
 
 INTERRUPTED: Final = "the audit was interrupted"
 TIME_UP: Final = "the audit's time was over"
+BLIND: Final = "no step gave an observation or a reward (see what failed)"
 ROLLOUT: Final = "rollout"
 """The probe that plays whole episodes."""
 FIRST: Final = "same_seed"
@@ -81,11 +82,13 @@ class Gathering:
 
     def gathered(self) -> ProbeEvidence:
         """For the checks to read."""
+        meter = self.lab.meter
         return ProbeEvidence(
             api=self.lab.api,
             agents=self.lab.agents,
             looks={probe: tuple(looks) for probe, looks in self.looks.items()},
             not_exercised=self.not_exercised,
+            blind=BLIND if meter.has_played and not meter.has_seen else "",
         )
 
 

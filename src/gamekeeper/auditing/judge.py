@@ -22,6 +22,9 @@ LEAKS: Final = (
     "none can be compared: it differs after another episode (see GK604)"
 )
 
+NOT_COMPARED: Final = frozenset({"metadata", "spaces", "surface"})
+"""Probes whose facts are of single calls: they see something where plays show nothing."""
+
 WANTED: Final = {
     "alternated": "a second instance that can be built, reset and stepped beside the first",
     "alternatives": "a payment of a term that the contract declares to be its earner's",
@@ -115,6 +118,8 @@ def judge(
         )
     if not cases:
         return Judged(check, "not_exercised", reason=_not_exercised(check, evidence))
+    if evidence.blind and not NOT_COMPARED.issuperset(check.needs):
+        return Judged(check, "not_exercised", reason=evidence.blind)
     reason = "" if waiver is None else f"its waiver isn't needed any more ({waiver})"
     return Judged(check, "passed", len(cases), reason=reason)
 

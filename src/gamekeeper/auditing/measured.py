@@ -47,7 +47,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     """
     traces, api = evidence["rollout"], evidence.api
     shapes = [fact.value for fact in evidence.facts(EpisodeShape)]
-    moves, order = evidence.facts(MoveTrial), _order(evidence)
+    moves, order = evidence.facts(MoveTrial), {} if evidence.blind else _order(evidence)
     within = trials.within_rounds(moves)
     if not order and shapes and api == "parallel" and _most_movers(shapes) == 1:
         order = {"result": "none"}  # of one action there is one order
@@ -198,6 +198,8 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
         id(counterfactual.unchanged_rerun): counterfactual.noise is None
         for counterfactual in evidence.counterfactuals("influence")
     }
+    if evidence.blind:
+        return None
     orders = [fact.value.result != "noise" for fact in evidence.facts(OrderOutcome)]
     again = [
         each.divergence is None

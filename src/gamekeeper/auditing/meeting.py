@@ -78,10 +78,15 @@ class OwnEffects:
         return means
 
     def steered(self) -> list[int]:
-        """The numbers that the choice of the action moves, those that it explains best."""
+        """The numbers that the choice of the action moves both ways, those it explains best.
+
+        A number that no action raises, such as fuel, or none lowers, such as a clock, can't be
+        steered back to where another agent's is.
+        """
         means, total = self.means(), max(float(self.counts.sum()), 1.0)
+        both_ways = (means.max(axis=0) > 0) & (means.min(axis=0) < 0)
         explained = (self.counts[:, None] * (means - means.mean(axis=0)) ** 2).sum(axis=0)
-        share = explained / np.maximum(self.squares, 1e-12)
+        share = explained * both_ways / np.maximum(self.squares, 1e-12)
         best = [k for k in np.argsort(-share, kind="stable") if share[k] > PLAIN]
         is_seen = total >= LEAST * 2
         return sorted(int(k) for k in best[:MOST_STEERED]) if is_seen else []

@@ -58,11 +58,15 @@ class Meter:
         steps: taken so far.
         beat: called at each count, as a sign of life.
         until_s: time of the monotonic clock at which the probes end; None: no such time.
+        has_played: an episode was played.
+        has_seen: a step of one of them gave an observation or a reward.
     """
 
     steps: int = 0
     beat: Callable[[], None] | None = None
     until_s: float | None = None
+    has_played: bool = False
+    has_seen: bool = False
 
     def count(self, steps: int = 1) -> None:
         """Counts so many more.
@@ -218,6 +222,11 @@ class ProbeSession:
                 watch=watch,
                 on_step=self.meter.count,
             )
+        self.meter.has_played = True
+        self.meter.has_seen = self.meter.has_seen or any(
+            turn.rewards or (place and turn.observations)
+            for place, turn in enumerate(played.trace.turns)
+        )
         if self.base is None:
             self.base = played.play
         return played

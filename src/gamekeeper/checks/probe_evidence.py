@@ -99,12 +99,14 @@ class ProbeEvidence:
         agents: what is known of each possible agent, its spaces as the environment gave them.
         looks: by probe, a look for each of its plays.
         not_exercised: probes that couldn't look, and why.
+        blind: reason why no two plays can be compared; empty where they can.
     """
 
     api: str
     agents: Mapping[str, AgentSpec] = field(default_factory=dict)
     looks: Mapping[str, tuple[ProbeRun, ...]] = field(default_factory=dict)
     not_exercised: Mapping[str, str] = field(default_factory=dict)
+    blind: str = ""
     _facts: dict[type, list[Fact[Any]]] = field(
         init=False, default_factory=dict, repr=False, compare=False
     )

@@ -56,9 +56,8 @@ def copies(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if not paper:
         return
     told, again = _whole(lab, play, paper), _whole(lab, play, paper)
-    if (
-        len(told) != len(paper) or _first_divergence(told, again) is not None
-    ):  # it differs by itself
+    differs_by_itself = len(told) != len(paper) or _first_divergence(told, again) is not None
+    if differs_by_itself or not all(told):  # or a step gives nothing in the promised form
         return
     for way, duplicate in WAYS.items():
         yield from _copied(lab, play, way, duplicate, paper, told)
@@ -173,7 +172,7 @@ def _tell(lab: ProbeSession, env: Any, paper: Sequence[Any]) -> list[Told]:
     told = []
     for actions in actions_of(paper):
         told.append(_step(lab, env, dict(actions)))
-        if told[-1][0][0] == "raises" or not getattr(env, "agents", None):
+        if (told[-1] and told[-1][0][0] == "raises") or not getattr(env, "agents", None):
             break
     return told
 

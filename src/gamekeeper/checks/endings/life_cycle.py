@@ -138,10 +138,11 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     "GK523",
     needs=("lifecycle",),
     severity=HIGH,
-    fix="let reset() make the whole state new, whatever the state of the episode before",
+    fix="let reset() make the whole state new, whatever the episode before left, and name the "
+    "live agents; where it raises, at the line that `actual` names",
 )
 def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-    """A reset begins a new episode at any time: in mid-episode, after the end, twice in a row.
+    """A reset begins an episode at any time: at first, in mid-episode, at its end, twice in a row.
 
     Vector environments and evaluation loops reset whenever they like. A reset that raises, leaves
     nobody in `agents`, or is ignored until the episode is over, breaks them.
