@@ -1,4 +1,4 @@
-"""A diagnosis on one screen: who, since when, what undoes it, how sure, what to try next."""
+"""A diagnosis on one screen: who, where it differs, what undoes it, how sure, what to try next."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.reporting.diagnosis_text import (
+    acted_text,
     answer_sentence,
     contradiction_lines,
     difference_place,
     head_line,
     limit_words,
+    restored_first,
 )
 from gamekeeper.reporting.results_text import few
 from gamekeeper.reporting.text_columns import wrapped
@@ -42,7 +44,7 @@ def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
         width: columns that no line exceeds, but for a command.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
-    rows = [*_who(document), *_since(document), *_undone(document)]
+    rows = [*_who(document), *_differs(document), *_undone(document)]
     rows += [*_others(document), *_noted(document), *_left_out(document)]
     lines = [
         line
@@ -81,16 +83,16 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "", f"{answer}: {CAUSES[answer]}"
 
 
-def _since(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _differs(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """A row of the first turn at which a failed episode differs from its restored one."""
-    first = next(
-        (each for each in document["counterfactuals"] if each["restored"] and each["failed"]), None
-    )
-    if first is not None and difference_place(first):
+    first = restored_first(document)
+    if first is not None and acted_text(first):
+        yield "Differs", f"{acted_text(first)}."
+    elif first is not None:
         yield (
-            "Diverges",
-            f"in episode {first['episode']} at {difference_place(first)}: until there it is the "
-            f"same with {first['intervention']}",
+            "Differs",
+            f"{difference_place(first)} in episode {first['episode']}: the first difference to "
+            f"the same episode with {first['intervention']}",
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
@@ -16,7 +16,10 @@ from gamekeeper.statistics.significance import p_text
 Document = Mapping[str, Any]
 
 INDENT: Final = "  "
-APART: Final = ("influence", "looked_ahead", "advice", "because", "why", "errors", "not_measured")
+APART: Final = (
+    *("influence", "looked_ahead", "advice", "because", "why", "errors", "not_measured"),
+    "order_ticks",
+)
 """Keys of `measured` that aren't rows of the table."""
 DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
     "stages": (("schedule", "stages"),),
@@ -47,7 +50,7 @@ LABELS: Final = {
 }
 """Rows of the table whose label is more than their key."""
 ORDER_MATTERS: Final = {
-    "none": "no",
+    "none": "no difference seen",
     "draws": "only in which random numbers are drawn",
     "outcome": "yes, it changes the outcome",
 }
@@ -84,7 +87,7 @@ def measured_text(audit: Document, *, width: int) -> str:
     rows = [
         (
             LABELS.get(key, key.replace("_", " ")),
-            _cut(_value(key, value)) or unmeasured(measured, key),
+            _cut(_value(key, value, measured)) or unmeasured(measured, key),
             _declared(declared_as(declared, key), value),
         )
         for key, value in measured.items()
@@ -134,9 +137,10 @@ def _declared(declared: Any, measured: Any) -> str:
     return f"{text} (differs)" if is_plain and measured != declared else text
 
 
-def _value(key: str, value: Any) -> str:
+def _value(key: str, value: Any, measured: Document) -> str:
     if key == "order_sensitive":
-        return ORDER_MATTERS.get(str(value), "")
+        text, ticks = ORDER_MATTERS.get(str(value), ""), measured.get("order_ticks")
+        return f"{text} in {ticks:,} ticks" if value == "none" and ticks else text
     if key in ("may_join", "may_leave") and value == []:
         return "no agent came later" if key == "may_join" else "no agent left without an end"
     if key == "stages" and value:
@@ -247,11 +251,12 @@ def _lengths(value: Document) -> str:
     """Number of episodes that ended by themselves, and their length in ticks."""
     text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended"
     told = value.get("kinds") or ()
-    kinds = [f"{end['kind']} of {_owner(end['owner'])}" for end in told]
-    for kind, key in (("termination", "terminated"), ("truncation", "truncated")):
-        is_known = any(end["kind"] == kind for end in told)
-        if told and not is_known and any(each.get(key) for each in _by_agent(value)):
-            kinds.append(f"{kind} (owner not measured)")
+    by_agent = _by_agent(value)
+    counted = {key: any(each.get(key) for each in by_agent) for key in FLAGS.values()}
+    beside = {kind: "" if counted[key] or not by_agent else BESIDE for kind, key in FLAGS.items()}
+    kinds = [f"{end['kind']} of {_owner(end['owner'])}{beside[end['kind']]}" for end in told]
+    missed = set(FLAGS) - {end["kind"] for end in told} if told else ()
+    kinds += [f"{kind} (owner not measured)" for kind in sorted(missed) if counted[FLAGS[kind]]]
     text = ": ".join(filter(None, [", ".join(kinds), text]))
     ticks = value.get("ticks")
     if not isinstance(ticks, Mapping):
@@ -261,9 +266,14 @@ def _lengths(value: Document) -> str:
     return f"{text}, after {span} ticks"
 
 
-def _by_agent(value: Document) -> Iterable[Document]:
+FLAGS: Final = {"termination": "terminated", "truncation": "truncated"}
+"""Kinds of endings, by the keys that count them."""
+BESIDE: Final = " (in other episodes)"
+
+
+def _by_agent(value: Document) -> Sequence[Document]:
     table = value.get(BY_AGENT)
-    return table.values() if isinstance(table, Mapping) else ()
+    return tuple(table.values()) if isinstance(table, Mapping) else ()
 
 
 def _owner(owner: str) -> str:
