@@ -12,6 +12,7 @@ from gamekeeper.reporting.diagnosis_text import (
     contradiction_lines,
     difference_place,
     head_line,
+    limit_words,
     restored_first,
 )
 from gamekeeper.reporting.results_text import few
@@ -118,7 +119,7 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield (
             "How sure",
             f"{_change(document, best)} (95 % interval {best['low']:+.2f} to "
-            f"{best['high']:+.2f}), {p_text(best['p'])}, on {best['n']} fresh episodes",
+            f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with and without",
         )
 
 
@@ -159,7 +160,7 @@ def _left_out(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     rows = document["not_played"]
     if rows:
         more = f"; and {len(rows) - LEFT_OUT} more" if len(rows) > LEFT_OUT else ""
-        yield "Not tried", "; ".join(rows[:LEFT_OUT]) + more
+        yield "Not tried", f"{'; '.join(rows[:LEFT_OUT])}{more} ({limit_words(document)})"
 
 
 def _is_failing(document: Mapping[str, Any]) -> bool:
@@ -182,14 +183,16 @@ def _next(document: Mapping[str, Any]) -> Sequence[str]:
     found = []
     if _named(document) and document["counterfactuals"]:
         episode = document["counterfactuals"][0]["episode"]
-        found.append(f"gamekeeper pivots {run} --episode {episode}{words}   # the lost turn")
+        found.append(
+            f"gamekeeper pivots {run} --episode {episode}{words}   # the turn that lost it"
+        )
     elif good is None and _is_failing(document) and not document.get("raised"):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}   # beside one that works")
     if document["not_played"]:
         more = f" --episodes {2 * document['most_episodes']}"
         if document.get("budget") is not None:
             more += f" --budget {2 * document['budget']}"
-        found.append(f"gamekeeper diagnose {run}{words}{more}   # and what wasn't tried")
+        found.append(f"gamekeeper diagnose {run}{words}{more}   # tries the rest")
     beside = "" if good is None else f" --good {shlex.quote(good['good'])}"
-    found.append(f"gamekeeper diagnose {run}{beside}{words} --all   # all that was played")
+    found.append(f"gamekeeper diagnose {run}{beside}{words} --all   # shows every test")
     return found

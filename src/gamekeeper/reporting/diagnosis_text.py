@@ -63,8 +63,8 @@ def head_line(document: Mapping[str, Any], width: int) -> str:
     again = document.get("reused") or 0
     also = f", {again:,} of an earlier call used again" if again else ""
     text = (
-        f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played{also} "
-        f"({limit_words(document)}), seed {document['seed']}."
+        f"Diagnosed  {document['run']}: {document['episodes']:,} new episodes{also} "
+        f"({limit_words(document)}), from seed {document['seed']}."
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
 
