@@ -104,7 +104,10 @@ class ResponseTest:
         if self.failures and not self.changes:
             return "chooses no legal action after any change of its observations"
         if not self.reactions:
-            return "reacts to no change of its observations"
+            seen = f"reacted to none of {self.changes} changes of its observations"
+            return (
+                f"{seen}; draws {self.randomness:.0%} of its actions" if self.randomness else seen
+            )
         lag = "at once" if self.lag == 0 else f"{self.lag} decisions late"
         said = [f"reacts {lag}"]
         if len(self.common_lags) > 1:

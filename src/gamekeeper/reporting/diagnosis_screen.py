@@ -25,12 +25,14 @@ MEMORY: Final = "memory"
 """Name of evidence that lies in no folder: no command could go on from it."""
 CAUSES: Final = {
     "isolated": "one change restores success, and no other that was tried, unless it includes it",
-    "joint": "two changes together restore success, and neither does alone",
+    "joint": "several changes together restore success, and none of them does alone",
     "ambiguous": "several changes restore success, or not all were tried: they can't be told apart",
     "environment": "what restores success is the same for all agents",
     "protocol": "what restores success is how episodes are played, or where they are cut off",
 }
 """Answers that name a cause, and what each means."""
+NOBODYS: Final = ("environment", "protocol")
+"""Those of them that blame no agent."""
 
 
 def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
@@ -67,7 +69,10 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         cause = (" or " if is_open else " and ").join(each["labels"])
         place = each["component"] or ""
         said = f"{cause}: {place}" if cause and cause not in place else place or cause
-        groups.setdefault(f"{each['answer']}; {said}", []).append(name)
+        text = f"({each['answer']}; {said})"
+        if each["answer"] in NOBODYS:
+            name, text = "no agent.", f"{answer_sentence(each)}."
+        groups.setdefault(text, []).append(name)
     raised = [each["agent"] for each in document.get("raised") or ()]
     if not groups and raised:
         yield "Who", f"{', '.join(raised)}: see what its policy raised, above"
@@ -75,7 +80,7 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         whole = document["team"] or next(iter(document["agents"].values()))
         yield "Who", f"no agent. {answer_sentence(whole)}."
     for number, (text, names) in enumerate(groups.items()):
-        yield "" if number else "Who", f"{', '.join(names)} ({text})"
+        yield "" if number else "Who", f"{', '.join(dict.fromkeys(names))} {text}"
     for answer in dict.fromkeys(each["answer"] for each in _named(document).values()):
         yield "", f"{answer}: {CAUSES[answer]}"
 
