@@ -186,9 +186,13 @@ def test_roles_have_modules_of_their_own(spec: str) -> None:
 
 def test_others_play_inside() -> None:
     """One role learns; the others follow their policies, the episode is the one of a rollout."""
+    from gamekeeper.adapters import rllib
+
     policies = {"carrier": "reference", "picker": FirstLegal()}
     trace = gk.rollout("warehouse", policies=policies, episodes=1, seed=4).episodes[0]
-    env = made("warehouse", role="picker", others={"carrier": "reference"}, seed=4)
+    asked: Any = {"role": "picker", "others": {"carrier": "reference"}}
+    assert list(rllib.policy_mapping("warehouse", **asked)["policies"]) == ["picker"]
+    env = made("warehouse", seed=4, **asked)
     book = played(env)
     assert {agent.split("_")[0] for agent in book.agent_ids} == {"picker"}
     for agent, one in book.agent_episodes.items():
@@ -376,11 +380,10 @@ def test_ppo_trains_and_its_checkpoint_plays(cluster: None, tmp_path: Path) -> N
     assert again[0].fingerprint == again[1].fingerprint
 
 
-@pytest.mark.parametrize("example", ["rllib_tictactoe", "rllib_own"])
-def test_examples_run(example: str) -> None:
-    """A few steps of them; their page tells what they reach."""
+def test_example_runs() -> None:
+    """A few steps of it; its page tells what it reaches."""
     ran = subprocess.run(
-        [sys.executable, f"examples/{example}.py", "--quick"],
+        [sys.executable, "examples/rllib_own.py", "--quick"],
         check=True,
         capture_output=True,
         text=True,

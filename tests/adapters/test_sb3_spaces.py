@@ -33,7 +33,9 @@ def network(space: Any) -> str:
 
 @pytest.mark.parametrize("spec", [kinds.HERE, kinds.TURNS], ids=["parallel", "aec"])
 @pytest.mark.parametrize("kind", kinds.EACH, ids=kinds.name)
-def test_ppo_trains_on_every_kind_of_space(kind: dict[str, Any], spec: str) -> None:
+def test_ppo_trains_on_every_kind_of_space(
+    kind: dict[str, Any], spec: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Two updates, masked where there are masks; then it plays what it learnt."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3 import PPO
@@ -49,6 +51,8 @@ def test_ppo_trains_on_every_kind_of_space(kind: dict[str, Any], spec: str) -> N
     venv = sb3.vec_env(spec, 2, **options)
     masked = venv.has_attr("action_masks")
     assert masked == ("mask" in kind)
+    is_alone = kind.get("mask") == "observation" and kind["seen"] != "Dict"
+    assert ("instead of MultiInputPolicy" in capsys.readouterr().err) == is_alone
     model = (MaskablePPO if masked else PPO)(
         network(venv.observation_space),
         venv,

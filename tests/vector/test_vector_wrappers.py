@@ -69,8 +69,11 @@ def pair(name: str, kind: Any, ends: str, **options: Any) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("kind", [LedgerTicks, LedgerTurns])
 @pytest.mark.parametrize("name", WRAPPERS)
-def test_batches_are_those_of_wrapped_environments(name: str, kind: Any) -> None:
+def test_batches_are_those_of_wrapped_environments(
+    name: str, kind: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Observations, rewards, finals and spaces, whoever ends or joins, in both autoreset modes."""
+    monkeypatch.setattr(wrappers, "MOVES", 3)
     for ends, autoreset, copy in (
         ("one by one", "same_step", True),
         ("late", "next_step", True),

@@ -80,7 +80,7 @@ def told_difference(divergence: Divergence) -> str:
         key += f"[{divergence.agent!r}]"
     turn = "" if divergence.turn is None else f" at turn {divergence.turn}"
     one, two, at = _unlike(divergence.recorded, divergence.replayed)
-    return f"{key}{at}{turn} is {two}, where it was {one}"
+    return f"{key}{at}{turn} is {two}, not {one}"
 
 
 def _unlike(one: Any, two: Any) -> tuple[str, str, str]:

@@ -149,7 +149,7 @@ class TransformedVector:
     def _after(self, obs: Any, terminated: Any, truncated: Any, infos: dict[str, Any]) -> Any:
         """Shows what followed a step, last observations before episodes are forgotten."""
         over = infos["over"]
-        over = over.copy() if over.any() else None
+        over = over.copy() if np.count_nonzero(over) else None
         is_same = self.autoreset == "same_step"
         began, self._began = (over, None) if is_same else (self._began, over)
         if self._shows:
@@ -183,7 +183,7 @@ class TransformedVector:
     def _note(self, infos: dict[str, Any]) -> None:
         """Notes live agents, None where all are, and those that act in the next step."""
         live = self._whole(infos["live"])
-        self._live = None if live.all() else live
+        self._live = None if np.count_nonzero(live) == live.size else live
         if self._is_aec:
             self._columns = infos["turn"].astype(np.intp)
             self._live = self._acting = live & self._in_turn(live)

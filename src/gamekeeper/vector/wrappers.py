@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from gymnasium import spaces
@@ -37,6 +38,8 @@ __all__ = [
     "frame_stack",
     "normalize",
 ]
+MOVES: Final = 64
+"""Moves of a window over frames before they are copied to the start of their row."""
 
 
 def agent_id(venv: Any) -> TransformedVector:
@@ -183,7 +186,7 @@ class FramesInBatch(BatchTransform):
         known = self._known[g]
         at: Any = EVERYBODY if isinstance(columns, slice) else (np.arange(self._envs), columns)
         new = ~known[at] if there is None else there & ~known[at]
-        if new.any():
+        if np.count_nonzero(new):
             rows = np.flatnonzero(new)
             first: Any = (rows, columns[rows]) if not isinstance(columns, slice) else new
             if first is new and new.all():
@@ -198,8 +201,8 @@ class FramesInBatch(BatchTransform):
 class FramesOfPart:
     """Frames of one array of observations, [env, agent, ..., frames], the present one last.
 
-    The present frame is written twice, so many frames apart: whichever frame of the first half is
-    the oldest, it and those after it lie side by side, and no frame is ever moved.
+    They are a window on a longer row of numbers. Where it moves on by a frame, every agent's frames
+    move to the front at once, and none is copied; only the last place is written.
     """
 
     def __init__(self, leaf: ArrayLeaf, frames: int, lead: tuple[int, ...]) -> None:
@@ -208,12 +211,15 @@ class FramesOfPart:
         self._count = 1 if self._is_mask else frames
         self._gets_axis = len(leaf.shape) in (0, 2) and not self._is_mask
         own = (*leaf.shape, 1) if self._gets_axis else leaf.shape
-        size, count = own[-1], self._count
-        self._size, self._oldest = size, 0
-        self._store: Any = np.zeros((*lead, *own[:-1], (2 * count - 1) * size), leaf.dtype)
-        starts = [frame * size for frame in range(2 * count - 1)]
-        self._places = [self._store[..., start : start + size] for start in starts]
-        self._windows = [self._store[..., start : start + count * size] for start in starts[:count]]
+        self._size, self._first = own[-1], 0
+        self._shape = *lead, *own[:-1], self._count * self._size
+        self._row: Any = np.zeros(math.prod(self._shape) + MOVES * self._size, leaf.dtype)
+        self._look()
+
+    def _look(self) -> None:
+        last = self._first + math.prod(self._shape)
+        self._window = self._row[self._first : last].reshape(self._shape)
+        self._present = self._window[..., -self._size :]
 
     def _frame(self, seen: Any) -> Any:
         part = self._get(seen)
@@ -221,40 +227,36 @@ class FramesOfPart:
 
     def move(self, at: Any) -> None:
         """Makes place for the next frame of some agents, or of all."""
-        size, rows = self._size, self._windows[self._oldest]
         if self._count == 1:
             return
         if isinstance(at, slice):
-            self._oldest = (self._oldest + 1) % self._count
+            if self._first == MOVES * self._size:
+                self._row[: -self._first] = self._window.ravel()
+                self._first = 0
+            self._first += self._size
+            self._look()
         else:
-            own = rows[at]
-            rows[at] = np.concatenate([own[..., size:], own[..., -size:]], -1)
+            self._window[at] = np.roll(self._window[at], -self._size, -1)
 
     def begin(self, seen: Any, new: Flags, at: Any, *, zeros: bool) -> None:
         """Fills the places before the first frame of some agents."""
-        if self._count > 1 and zeros:
-            self._store[at] = 0
-        elif self._count > 1:
-            frame = self._frame(seen)[new]
-            for place in self._places:
-                write_rows(place, frame, at)
+        if self._count > 1:
+            frame = 0 if zeros else np.tile(self._frame(seen)[new], self._count)
+            self._window[at] = frame
 
     def shown(self, seen: Any, at: Any, *, reuses: bool) -> Any:
         """The frames, with the present one."""
-        window, frame = self._windows[self._oldest], self._frame(seen)
+        frame = self._frame(seen)
         if isinstance(at, slice):
-            write_rows(self._places[self._oldest + self._count - 1], frame)
-            if self._oldest:
-                write_rows(self._places[self._oldest - 1], frame)
-            return window if reuses else window.copy()
-        window[(*at, ..., slice(-self._size, None))] = frame
-        return window[at]
+            write_rows(self._present, frame)
+            return self._window if reuses else self._window.copy()
+        self._window[(*at, ..., slice(-self._size, None))] = frame
+        return self._window[at]
 
     def behind(self, seen: Any, envs: Any) -> Any:
         """Frames of some sub-environments, others behind them as present ones."""
-        window, frame = self._windows[self._oldest], self._frame(seen)
-        found = window[envs]
-        write_rows(found[..., -self._size :], frame)
+        found = self._window[envs]
+        write_rows(found[..., -self._size :], self._frame(seen))
         return found
 
 

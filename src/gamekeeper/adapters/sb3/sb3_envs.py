@@ -66,6 +66,12 @@ def vec_env(
         else:
             _check_space(seen, "observation_space", axes=None)
             _note_cropping(seen, "observation")
+            if isinstance(slots.group.observation_space, spaces.Dict):
+                sys.stderr.write(
+                    f"gamekeeper: without its action_mask the Dict observation is its other part, a"
+                    f" {type(seen).__name__} (fix: MlpPolicy, or CnnPolicy for a picture, instead"
+                    " of MultiInputPolicy; MaskablePPO asks the environment for masks)\n"
+                )
         _check_space(slots.action_space, "action_space", axes=1)
     except BaseException:
         slots.close()
