@@ -501,9 +501,9 @@ class Contradiction:
         (bad, of), (fresh_bad, fresh_of) = self.recorded, self.fresh
         return (
             f"{bad} of {of} recorded episodes failed and {fresh_bad} of {fresh_of} fresh ones, "
-            f"which chance doesn't explain (Fisher's exact test, {p_text(self.p)}): what was "
-            "played again isn't what was recorded, or the recorded seeds are special; this is no "
-            "all-clear"
+            f"which chance alone would seldom do (Fisher's exact test, {p_text(self.p)}): what was "
+            "played again isn't what was recorded, or the recorded seeds are special; by itself "
+            "this is no all-clear"
         )
 
 

@@ -121,9 +121,10 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "" if number else "So does", name
     if tests:
         best = max(tests, key=lambda each: float(each["effect"]))
+        whose = f"{best['intervention']}: " if len(tests) > 1 else ""
         yield (
             "How sure",
-            f"{_change(document, best)} (95 % interval {best['low']:+.2f} to "
+            f"{whose}{_change(document, best)} (95 % interval {best['low']:+.2f} to "
             f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with and without",
         )
 
