@@ -24,7 +24,7 @@ from gamekeeper.episodes.canonical import shown
 from gamekeeper.episodes.divergence import Divergence, shown_pair
 from gamekeeper.episodes.where import PAID_BY, Where
 
-FIELD: Final = "divergence"
+FIELD: Final = "compared play"
 """Names the place where two plays part, whatever it is in that differs."""
 SAME: Final = "the same play"
 

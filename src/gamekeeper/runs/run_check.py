@@ -266,7 +266,7 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
 
 
 def contradiction(evidence: Evidence, again: ComputedFingerprints | None = None) -> str:
-    """What a run says of itself that its rows don't bear out, in words; empty where all fits.
+    """Claims of a run that its rows don't bear out, in words; empty where all fits.
 
     Fingerprints, the steps of each episode and the agents are what rows and spaces tell too.
     """
