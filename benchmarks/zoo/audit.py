@@ -28,6 +28,8 @@ from catalogue import Listed, catalogue
 
 AUDIT_S: Final = 90
 """Time limit that the audit is given (`--seconds`)."""
+DEFAULT_S: Final = 150
+"""The same for audits of the default budget."""
 OUTER_S: Final = 300
 """Time after which the process is ended: an audit that doesn't keep its limit."""
 SURROUNDINGS: Final = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
@@ -39,6 +41,7 @@ def main() -> int:
     parser.add_argument("--venvs", type=Path, required=True)
     parser.add_argument("--results", type=Path, required=True)
     parser.add_argument("--source", type=Path, required=True, help="checkout whose src is run")
+    parser.add_argument("--default", action="store_true", help="default budget, not --quick")
     parser.add_argument("--only", nargs="*", default=[], help="words, one of which a key must hold")
     asked = parser.parse_args()
     for each in one_of_each_first(catalogue()):
@@ -49,7 +52,7 @@ def main() -> int:
         if not command.exists():
             print(f"{each.key}: no {command}", flush=True)
             continue
-        result = audited(each, command, asked.source)
+        result = audited(each, command, asked.source, quick=not asked.default)
         asked.results.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(result, indent=1))
         print(f"{each.key}: {summary(result)}", flush=True)
@@ -66,13 +69,15 @@ def one_of_each_first(listed: Iterable[Listed]) -> list[Listed]:
     return [each for _, each in sorted(places, key=lambda place: place[0])]
 
 
-def audited(each: Listed, command: Path, source: Path) -> dict[str, Any]:
+def audited(each: Listed, command: Path, source: Path, *, quick: bool) -> dict[str, Any]:
     """One audit's JSON, or what ended it without one."""
-    words = [str(command), "audit", each.spec, "--quick", "--json", "--quiet"]
-    words += ["--seconds", str(AUDIT_S), "--kwargs", json.dumps(dict(each.kwargs))]
+    words = [str(command), "audit", each.spec, "--json", "--quiet"]
+    limit_s = AUDIT_S if quick else DEFAULT_S
+    words += ["--quick"] if quick else []
+    words += ["--seconds", str(limit_s), "--kwargs", json.dumps(dict(each.kwargs))]
     surroundings = {**os.environ, **SURROUNDINGS, "PYTHONPATH": str(source / "src")}
     result: dict[str, Any] = {"key": each.key, "group": each.group, "gamekeeper": _commit(source)}
-    result |= {"limit_s": AUDIT_S, "audited": time.strftime("%Y-%m-%d")}
+    result |= {"limit_s": limit_s, "audited": time.strftime("%Y-%m-%d")}
     start = time.monotonic()
     try:
         done = subprocess.run(

@@ -36,6 +36,10 @@ TYPED: Final = (
     "attribute runs/stuck --episodes 20 --action-episodes 10",
     "evaluate two_robot_line --policy reference --policy random",
     "report runs/stuck --out stuck.html",
+    "view runs/stuck --no-browser --port 8765",
+    "resume runs/stuck --episode 0 --turn 3",
+    "rollout my_task/src/my_task/env.py:MyTask --policy reference --episodes 3 --out runs/mine",
+    "bisect runs/mine --repo my_task",
     "show runs/stuck",
     'query runs/stuck "SELECT agent, max(return) FROM returns GROUP BY 1"',
     "video runs/stuck --render --out stuck.mp4",
@@ -45,6 +49,16 @@ TYPED: Final = (
     "pack runs/first --out claim",
     "reproduce claim",
 )
+COMMIT: Final = "git -C my_task -c user.name=me -c user.email=me commit -qam"
+AROUND: Final = {
+    "view": "timeout -s INT 20 {} | sed 's/token=.*/token=.../'",
+    "resume": "printf 'env.agents\nobservations\n' | {} 2>&1",
+    "bisect": f"(cd my_task; git init -q; git add .); {COMMIT} rules; "
+    f"echo >> my_task/README.md; {COMMIT} words; "
+    f"sed -i 's/each, 1.0/each, 2.0/' my_task/src/my_task/env.py; {COMMIT} 'pay twice'; "
+    f"echo >> my_task/README.md; {COMMIT} 'more words'; {{}}",
+}
+"""What the shell does around a command that needs it: a console, an end, commits."""
 STYLE: Final = """
 svg { --ground: #f5f7f9; --ink: #1b1f24; --typed: #0b5cad; }
 @media (prefers-color-scheme: dark) {
@@ -80,15 +94,21 @@ def main() -> None:
     """Types all commands and writes a picture for each; names those that didn't go well."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, default=Path("docs/pictures/commands"))
-    folder = parser.parse_args().folder.resolve()
+    parser.add_argument(
+        "--only", nargs="*", default=[], help="commands that are typed (default: all)"
+    )
+    given = parser.parse_args()
+    folder, needed = given.folder.resolve(), {*given.only, "run", "new", "rollout"}
     folder.mkdir(parents=True, exist_ok=True)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     around = {**os.environ, "PATH": path, "COLUMNS": "80", "PYTHONIOENCODING": "utf-8"}
     with tempfile.TemporaryDirectory() as here:
         for command in TYPED:
             name = command.split()[0]
+            if given.only and name not in needed:
+                continue
             done = subprocess.run(
-                f"gamekeeper {command}",
+                AROUND.get(name, "{}").format(f"gamekeeper {command}"),
                 shell=True,
                 cwd=here,
                 env=around,

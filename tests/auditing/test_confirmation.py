@@ -13,7 +13,15 @@ from gamekeeper.auditing import elsewhere
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
 from gamekeeper.auditing.confirm import TRIES, Confirmation, _share_until
-from gamekeeper.auditing.holds import ClassState, calls_of_class, globals_held
+from gamekeeper.auditing.holds import (
+    ClassState,
+    calls_of_class,
+    globals_held,
+    names_held,
+    observe_held,
+    readings_held,
+    rewards_held,
+)
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
@@ -274,3 +282,34 @@ def test_calls_that_an_instance_keeps_are_held_too() -> None:
 
     make = globals_held(calls_of_class(Wrapper))
     assert make().reset() == make().reset()
+
+
+class Uncleared:
+    """Pays 1 more in every step, and counts the calls of observe()."""
+
+    def __init__(self) -> None:
+        self.rewards, self.calls = {"a": 0}, 0
+
+    def step(self, action: Any) -> None:
+        self.rewards["a"] += 1
+
+    def observe(self, agent: str = "a") -> int:
+        self.calls += 1
+        return self.calls
+
+    state = render = observe
+
+    def reset(self) -> None:
+        self.agents = self.possible_agents = ["a", "b", "a"]
+
+
+def test_rewards_names_and_readings_are_held_still() -> None:
+    """Rewards are of their step alone, names stand once, and no reading is seen by the next."""
+    env = names_held(readings_held(rewards_held(observe_held(Uncleared))))()
+    env.reset()
+    assert env.agents == env.possible_agents == ["a", "b"]
+    assert [env.step(0) or env.rewards["a"] for _ in range(3)] == [1, 1, 1]
+    assert [env.observe("a"), env.observe("a"), env.state(), env.render(), env.calls] == [
+        *(1, 1, 1, 1),
+        0,
+    ]

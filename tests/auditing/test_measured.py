@@ -26,6 +26,7 @@ FIELDS = {
     "legality",
     "messages",
     "order_sensitive",
+    "order_ticks",
     "deterministic",
     "horizon",
     "symmetric",
@@ -58,7 +59,7 @@ def test_measured_of_nothing_has_every_field() -> None:
     assert (found["advice"], found["order"], found["deterministic"]) == (None, None, None)
     assert found["why"]
     nulls = {key for key, value in found.items() if value is None} - {"may_join", "may_leave"}
-    assert nulls - {"order_sensitive", "looked_ahead"} == set(found["not_measured"])
+    assert nulls - {"order_sensitive", "order_ticks", "looked_ahead"} == set(found["not_measured"])
 
 
 def test_measured_names_its_probes() -> None:

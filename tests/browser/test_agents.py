@@ -131,13 +131,14 @@ def test_names_on_the_map_cover_neither_signs_nor_one_another(open_page: Open) -
         assert apart or one["bottom"] <= other["top"] or other["bottom"] <= one["top"]
 
 
-def test_signs_are_explained_from_the_bar(open_page: Open) -> None:
-    """On a phone the bar stays low and opens a legend of the signs and roles that are there."""
+def test_signs_are_explained_beside_the_lanes(open_page: Open) -> None:
+    """On a phone the bar stays low; signs, colours and roles that are there stand in a legend."""
     page = opened(open_page, parallel_episode(), viewport={"width": 390, "height": 844})
     assert page.evaluate("document.querySelector('.controls').offsetHeight") <= 120
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    page.get_by_role("button", name="Legend").click()
-    legend = page.locator("#gk-legend")
+    legend = page.locator(".lanes-legend")
+    expect(legend).to_be_visible()
+    expect(page.locator(".scrub-hint")).to_have_text("Click or drag to a turn →")
     expect(legend).to_contain_text("label of a failure")
     expect(legend).to_contain_text("circle: picker")
     expect(legend).not_to_contain_text("error, or the recorder was killed")

@@ -128,7 +128,7 @@ def test_not_exercised_counts_on_stderr_and_strictly(capfd: pytest.CaptureFixtur
     line = ("audit", "warehouse", "--select", "GK501", "--budget", "40")
     code, _, err = said(capfd, *line)
     assert code == 0
-    said_so = "Checks not exercised (1): no episode had what it looks at\n  GK501  An agent leaves"
+    said_so = "Checks not exercised (1): no episode had what they need\n  GK501  An agent leaves"
     assert said_so in err  # after a word of what is compiled, the first time
     assert said(capfd, *line, "--strict")[0] == 2
 

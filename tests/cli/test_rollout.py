@@ -49,7 +49,7 @@ def test_text_shows_each_agent_and_no_average(capfd: pytest.CaptureFixture[str])
     assert code == 0, err
     assert "Recorded  1 episode, 2 ticks, 4 actions" in out
     assert [line.split()[0] for line in out.splitlines()[2:4]] == ["arm", "leg"]
-    assert "Evidence  runs/rough_env-1" in out
+    assert "Saved in  runs/rough_env-1" in out
     evidence = gk.load("runs/rough_env-1")
     policies = json.loads(evidence.episode_table["policies"][0].as_py())
     assert policies["arm"]["policy"] == "random"

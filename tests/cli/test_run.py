@@ -48,7 +48,7 @@ def test_run_does_the_main_job(
         "Audited",
         "Recorded",
         "Replayed in a new process",
-        "Evidence",
+        "Saved in",
         "Next",
     ]
     assert f"  verified: fingerprint {fingerprint[:16]}..." in lines
@@ -141,7 +141,7 @@ def test_run_records_what_breaks_a_promise(
     assert code == 1, err
     assert "Audited  " in out
     assert "GK402  high  Rule broken: An agent that has ended is paid nothing more." in out
-    assert f"all findings, with programs that show them:\n    gamekeeper audit {PAID}" in out
+    assert f"To see all findings with their programs:\n    gamekeeper audit {PAID}" in out
     assert f"Next      gamekeeper audit {PAID}" in out.splitlines()[-1]
     assert "verified: fingerprint" in out
 
@@ -159,7 +159,7 @@ def test_run_names_checks_that_were_not_exercised(
     assert code == 0, err
     assert "1 not exercised" in out
     assert "not exercised, as nothing happened for them to check: GK526" in out
-    assert f"why checks were not exercised:\n    gamekeeper audit {LINE}" in out
+    assert f"To see why checks were not exercised:\n    gamekeeper audit {LINE}" in out
 
 
 def test_run_counts_what_is_not_declared_and_names_the_command(

@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.counterfactuals import _place
+from gamekeeper.diagnosis.counterfactuals import _acted, _place
 from gamekeeper.diagnosis.experiment import Experiment
 from gamekeeper.diagnosis.judgement import _labels, is_any_exchange, is_any_scale
 from gamekeeper.diagnosis.played_setup import Setup
@@ -376,6 +376,13 @@ def test_counterfactuals_name_the_first_action_that_differs_the_concerned_agent_
         for last in (1, 2)
     )
     found = Divergence(0, 0, "a", "obs", 0.0, 1.0)
+    contract = Contract()
+    acted = _acted((1, "b", "action"), (was, now), contract)
+    assert acted == {"did": "1", "instead": "2", "often": None}  # of so few actions no shares
+    for each, number in ((was, 4), (now, 5)):
+        each.play.actions += ({"b": number},) * 8
+    assert _acted((1, "b", "action"), (was, now), contract)["often"] == ["4", 0.8, 0.0]
+    assert _acted((0, "a", "obs"), (was, now), contract) == {}
     assert _place(found, was, now, ("b",)) == (1, "b", "action")
     assert _place(found, was, was, ("b",)) == (0, "a", "obs")
 

@@ -69,7 +69,7 @@ def test_attribution_text_has_a_group_for_each_way_of_measuring() -> None:
     recorded, agents, actions = text.split("\n\n")
     assert recorded.startswith("Recorded run: 20 episodes, nothing replaced")
     assert "own return:" in recorded
-    assert "idle -: the contract declares no noop" in recorded
+    assert "idle -: no noop is declared" in recorded
     assert "share -" not in recorded
     assert agents.startswith("Agents replaced: 50 new episodes")
     assert "difference: mean team return that is lost if the baseline plays" in agents

@@ -29,9 +29,9 @@ def test_summary_has_a_row_for_each_agent() -> None:
         "  agent      return  length  share  idle  endings",
         "  picker_0  -12.500    40.0      -   25%  battery 3, cleared 17, terminated 2",
         "  return, length in actions: mean over the episodes that the agent was in;",
-        "  share: of the team's return; idle: declared noops among its actions; endings:",
-        "  in how many episodes; share -: undefined, as a return is negative or their sum",
-        "  is 0",
+        "  share: of the team's return over all episodes; idle: share of noops in its",
+        "  actions; endings: number of episodes; share -: undefined, as a return is",
+        "  negative or their sum is 0",
     ]
     assert summary_text(summary_of(1), width=80).splitlines() == expected
 

@@ -26,5 +26,6 @@ def finalize_again_table(run: Path, name: str, table: pa.Table) -> None:
     file = run / f"{name}.parquet"
     pq.write_table(table, file)
     size, digest = digest_file(file)
-    files = json.loads((run / MANIFEST).read_text(encoding="utf-8"))["checksums"]["files"]
-    finalize_again(run, checksums={"files": {**files, file.name: {"digest": digest, "size": size}}})
+    checksums = json.loads((run / MANIFEST).read_text(encoding="utf-8"))["checksums"]
+    checksums["files"][file.name] = {"digest": digest, "size": size}
+    finalize_again(run, checksums=checksums)

@@ -22,5 +22,5 @@ def test_fisher_without_looks_says_nothing() -> None:
 
 def test_fisher_refuses_counts_that_cant_be() -> None:
     """More hits than looks."""
-    with pytest.raises(EvidenceError, match="hits among looks"):
+    with pytest.raises(EvidenceError, match="more hits than trials"):
         fisher_exact(1, 2, 3, 2)

@@ -3,7 +3,7 @@
 On every page the blocks are typed one after another in one folder, in which `make demo` has left
 its evidence: Python in one namespace, `gamekeeper` lines one by one, SQL by DuckDB. A block whose
 first line is a comment with a file's name is saved there; a diff is made in the file that it
-names. Only the numbers of episodes are smaller, and of steps that `run` audits before it records;
+names. Only the numbers of episodes are smaller, and of steps of audits that find nothing;
 and one worker plays where otherwise each core has one: results are the same, and starting a worker
 takes longer than what it plays. What can't run says why, in an HTML comment above it:
 `<!-- not run: reason -->`.
@@ -78,7 +78,7 @@ def fewer(text: str) -> str:
 def smaller(words: list[str]) -> list[str]:
     """Options that make a command's work smaller, where it doesn't say how much it wants."""
     few = {"run": "--episodes 2", "rollout": "--episodes 2"}
-    few |= {"evaluate": "--workers 1", "diagnose": "--workers 1"}
+    few |= {"evaluate": "--workers 1", "diagnose": "--workers 1", "attribute": "--episodes 4"}
     option = few.get(words[1], "").split()
     return [] if set(option) & set(words) else option
 
@@ -97,7 +97,10 @@ def run_lines(text: str) -> None:
             continue
         assert words[0] == "gamekeeper", f"nobody runs this line: {line}"
         words += smaller(words)
-        steps = AUDITED if words[1] == "run" else audit_process.QUICK
+        is_sound = words[1] == "audit" and told is None
+        if is_sound and "--quick" not in words and not Path(words[2]).is_dir():
+            words.append("--quick")
+        steps = AUDITED if words[1] == "run" or is_sound else audit_process.QUICK
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(audit_process, "QUICK", steps)
             assert main(words[1:]) == (int(told[1]) if told else 0), line

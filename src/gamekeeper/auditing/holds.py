@@ -6,13 +6,13 @@ one cause held still. Its source stands at the head of the program, so it names 
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import gc
 import inspect
 import random
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -33,6 +33,18 @@ def with_class(env: Any, **methods: Any) -> Any:
     sys.modules["__main__"].__dict__[held.__name__] = held  # by which pickle finds it
     env.__class__ = held
     return env
+
+
+def with_methods(
+    make: Callable[[], Any], methods: Callable[[Any], dict[str, Callable[..., Any]]]
+) -> Callable[[], Any]:
+    """Builds the environment, and puts methods in front of those of its class."""
+
+    def built() -> Any:
+        env = make()
+        return with_class(env, **methods(type(env)))
+
+    return built
 
 
 def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -166,34 +178,28 @@ def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
             else:
                 each.bit_generator.state = type(each.bit_generator)(0).state
 
-    def built() -> Any:
-        env = make()
-        cls = type(env)
-
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
         def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
             restart(self)
             return cls.reset(self, *args, **kwargs)
 
-        return with_class(env, reset=reset)
+        return {"reset": reset}
 
-    return built
+    return with_methods(make, methods)
 
 
 def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Resets a fresh instance in place of a used one."""
 
-    def built() -> Any:
-        env = make()
-        cls = type(env)
-
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
         def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
             self.__dict__.clear()
             self.__dict__.update(make().__dict__)
             return cls.reset(self, *args, **kwargs)
 
-        return with_class(env, reset=reset)
+        return {"reset": reset}
 
-    return built
+    return with_methods(make, methods)
 
 
 def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -238,10 +244,7 @@ def _with_outputs(make: Callable[[], Any], changed: Callable[..., Any]) -> Calla
     The function returns it, and may change the environment's books.
     """
 
-    def built() -> Any:
-        env = make()
-        cls = type(env)
-
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
         def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
             return changed(self, cls.reset(self, *args, **kwargs), [])
 
@@ -249,9 +252,9 @@ def _with_outputs(make: Callable[[], Any], changed: Callable[..., Any]) -> Calla
             before = list(self.agents)
             return changed(self, cls.step(self, action), before)
 
-        return with_class(env, reset=reset, step=step)
+        return {"reset": reset, "step": step}
 
-    return built
+    return with_methods(make, methods)
 
 
 def observations_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -260,16 +263,10 @@ def observations_held(make: Callable[[], Any]) -> Callable[[], Any]:
     def changed(env: Any, out: Any, before: Any) -> Any:
         return out if out is None else (copy.deepcopy(out[0]), *out[1:])
 
-    inner = _with_outputs(make, changed)
-
-    def built() -> Any:
-        env = inner()
-        cls = type(env)
-        if not hasattr(cls, "observe"):
-            return env
-        return with_class(env, observe=lambda self, agent: copy.deepcopy(cls.observe(self, agent)))
-
-    return built
+    return with_methods(
+        _with_outputs(make, changed),
+        lambda cls: {"observe": lambda self, agent: copy.deepcopy(cls.observe(self, agent))},
+    )
 
 
 def infos_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -286,20 +283,16 @@ def infos_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 def state_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Copies what `state()` gives before it is handed out."""
-
-    def built() -> Any:
-        env = make()
-        cls = type(env)
-        return with_class(env, state=lambda self: copy.deepcopy(cls.state(self)))
-
-    return built
+    return with_methods(make, lambda cls: {"state": lambda self: copy.deepcopy(cls.state(self))})
 
 
 def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Puts the generators back where they stood before `state()` or `render()`."""
+    """Calls `state()` and `render()` of a copy; else puts the generators back after them."""
 
     def kept(call: Callable[..., Any]) -> Callable[..., Any]:
         def reading(self: Any) -> Any:
+            with contextlib.suppress(Exception):  # of a window there is no copy
+                return call(copy.deepcopy(self))
             # where they stand is in copies of them, and a copy's draw leaves them alone
             before = [(each, copy.deepcopy(each)) for each in own_generators(self)]
             value = call(self)
@@ -314,21 +307,52 @@ def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
         return reading
 
-    def built() -> Any:
-        env = make()
-        cls = type(env)
-        return with_class(env, state=kept(cls.state), render=kept(cls.render))
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        return {"state": kept(cls.state), "render": kept(cls.render)}
 
-    return built
+    return with_methods(make, methods)
+
+
+def observe_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Calls `observe()` of a copy, so that no call changes the game."""
+    return with_methods(
+        make, lambda cls: {"observe": lambda self, a: cls.observe(copy.deepcopy(self), a)}
+    )
+
+
+def rewards_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Clears `rewards` before each step."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def step(self: Any, action: Any) -> Any:
+            for agent in getattr(self, "rewards", ()):
+                self.rewards[agent] = 0
+            return cls.step(self, action)
+
+        return {"step": step}
+
+    return with_methods(make, methods)
+
+
+def names_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Leaves each agent once in the rosters after a reset."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            out = cls.reset(self, *args, **kwargs)
+            for roster in (self.agents, self.possible_agents):
+                roster[:] = dict.fromkeys(roster)
+            return out
+
+        return {"reset": reset}
+
+    return with_methods(make, methods)
 
 
 def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Takes agents that have ended out of `agents`; without agents nothing is played on."""
 
-    def built() -> Any:
-        env = make()
-        cls = type(env)
-
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
         def step(self: Any, actions: Any) -> Any:
             if not self.agents:
                 return {}, {}, {}, {}, {}
@@ -337,9 +361,9 @@ def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
             self.agents = [a for a in self.agents if a not in ended]
             return out
 
-        return with_class(env, step=step)
+        return {"step": step}
 
-    return built
+    return with_methods(make, methods)
 
 
 def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -363,17 +387,14 @@ def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
 def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Hands actions over in the order of possible_agents."""
 
-    def built() -> Any:
-        env = make()
-        cls = type(env)
-
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
         def step(self: Any, actions: Any) -> Any:
             names = [agent for agent in self.possible_agents if agent in actions]
             return cls.step(self, {agent: actions[agent] for agent in names})
 
-        return with_class(env, step=step)
+        return {"step": step}
 
-    return built
+    return with_methods(make, methods)
 
 
 def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -397,7 +418,7 @@ def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
-@contextmanager
+@contextlib.contextmanager
 def still_entropy() -> Iterator[None]:
     """Within it a generator that asks the system for entropy gets the same bits each time."""
     put_back = hold_entropy()
@@ -418,7 +439,7 @@ class ClassState:
     def __init__(self, env: Any) -> None:
         self._values: list[tuple[Any, str, Any]] = []
         for owner, name, value in _kept_by_classes(env):
-            with suppress(Exception):  # what can't be copied stays as it is
+            with contextlib.suppress(Exception):  # what can't be copied stays as it is
                 self._values.append((owner, name, copy.deepcopy(value)))
 
     def restore(self) -> None:
@@ -479,9 +500,10 @@ OBSERVATIONS: Final = Hold(
 )
 INFOS: Final = Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624"))
 STATE: Final = Hold("what state() gives copied", state_held, ("GK622",))
-READINGS: Final = Hold(
-    "generators put back after state() and render()", readings_held, ("GK805", "GK814")
-)
+READINGS: Final = Hold("state() and render() called on a copy", readings_held, ("GK805", "GK814"))
+OBSERVE: Final = Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True)
+REWARDS: Final = Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411"))
+NAMES: Final = Hold("agents named once each after every reset", names_held, ("GK102",))
 ENDED: Final = Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",))
 ENTRIES: Final = Hold(
     "entries of agents that aren't in the game deleted",
@@ -501,6 +523,7 @@ HOLDS: Final = {
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,
+    "GK634": OBSERVE,
     "GK607": CLASSES,
     "GK701": COPIES,
     "GK610": OBSERVATIONS,
@@ -508,6 +531,8 @@ HOLDS: Final = {
     "GK612": STATE,
     "GK636": READINGS,
     "GK637": READINGS,
+    "GK405": REWARDS,
+    "GK104": NAMES,
     "GK503": ENDED,
     "GK106": ENTRIES,
     "GK311": ORDERS,

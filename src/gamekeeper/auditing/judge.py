@@ -18,8 +18,8 @@ MOST_SHOWN: Final = 3
 FAR: Final = 1 << 60
 NOISE: Final = "the same seed and actions give another episode each time, so none can be compared"
 LEAKS: Final = (
-    "the same seed and actions give the same episode in fresh instances, but another one here, so "
-    "none can be compared: it differs after another episode (see GK604)"
+    "the same seed and actions give another episode in an instance that was used before (see "
+    "GK604), so that episodes can't be compared"
 )
 
 NOT_COMPARED: Final = frozenset({"metadata", "spaces", "surface"})

@@ -28,11 +28,12 @@ LEVEL: Final = 0.01
 NOT_SEEN: Final[Mapping[str, str]] = {
     "stages": "fewer than three rounds in which agents acted in an order that means something",
     "order": "no round had two agents, or it isn't known whether moves are made together",
-    "observe": "too few comparisons of what later agents of a round observe",
+    "observe": "too few comparisons of what later agents of a round observe, or no observation of "
+    "the step that makes a move shows it",
     "conflicts": "too few moves changed another agent of their role, or draws blur it",
     "legality": "too few comparisons of masks of other agents",
     "messages": "too few comparisons of what replaced moves change",
-    "deterministic": "no rerun",
+    "deterministic": "no rerun of an instance that plays the same again once used",
     "horizon": "no two whole episodes were truncated at the same length",
     "symmetric": "too few episodes in which two agents of a role came to different results",
     "advice": "too few comparisons",
@@ -62,11 +63,12 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     found = {
         "stages": turns.stages(shapes, by_role, play_order),
         "order": play_order,
-        "observe": _observe(api, within, shapes),
+        "observe": _observe(api, within, moves),
         "conflicts": _conflicts(api, advised, priority, order, play_order),
         "legality": trials.legality(moves),
         "messages": trials.messages(moves),
         "order_sensitive": order.get("result"),
+        "order_ticks": order.get("ticks"),
         "deterministic": None if settled is False and _depends_on_use(evidence) else settled,
         "horizon": comings.horizon(shapes),
         "symmetric": roles.symmetric(
@@ -137,11 +139,9 @@ def _play_order(
     return {"parallel": "none", None: None}.get(advised.api, order)
 
 
-def _observe(
-    api: str, within: Mapping[str, trials.Within], shapes: Sequence[EpisodeShape]
-) -> str | None:
-    if api == "parallel":
-        return "after tick" if shapes else None
+def _observe(api: str, within: Mapping[str, trials.Within], moves: trials.Trials) -> str | None:
+    if api == "parallel":  # seen in what the step itself hands out, with which the next is decided
+        return "after tick" if trials.is_observed_at_once(moves) else None
     if within["state"].hits or within["legality"].hits:
         return "after turn"
     return "after tick" if within["state"].looks >= trials.FEWEST else None

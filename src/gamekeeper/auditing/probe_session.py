@@ -58,7 +58,7 @@ class Meter:
         steps: taken so far.
         beat: called at each count, as a sign of life.
         until_s: time of the monotonic clock at which the probes end; None: no such time.
-        has_played: an episode was played.
+        has_played: a step of an episode returned.
         has_seen: a step of one of them gave an observation or a reward.
     """
 
@@ -222,7 +222,7 @@ class ProbeSession:
                 watch=watch,
                 on_step=self.meter.count,
             )
-        self.meter.has_played = True
+        self.meter.has_played = self.meter.has_played or len(played.trace.turns) > 1
         self.meter.has_seen = self.meter.has_seen or any(
             turn.rewards or (place and turn.observations)
             for place, turn in enumerate(played.trace.turns)

@@ -24,7 +24,7 @@ from gamekeeper.episodes.canonical import shown
 from gamekeeper.episodes.divergence import Divergence, shown_pair
 from gamekeeper.episodes.where import PAID_BY, Where
 
-FIELD: Final = "divergence"
+FIELD: Final = "compared play"
 """Names the place where two plays part, whatever it is in that differs."""
 SAME: Final = "the same play"
 
@@ -80,7 +80,7 @@ def told_difference(divergence: Divergence) -> str:
         key += f"[{divergence.agent!r}]"
     turn = "" if divergence.turn is None else f" at turn {divergence.turn}"
     one, two, at = _unlike(divergence.recorded, divergence.replayed)
-    return f"{key}{at}{turn} is {two}, where it was {one}"
+    return f"{key}{at}{turn} is {two}, not {one}"
 
 
 def _unlike(one: Any, two: Any) -> tuple[str, str, str]:

@@ -80,7 +80,7 @@ class FollowsFrom:
 
 MINOR: Final = "minor: "
 """Begins the reason of what isn't promised, and is shown all the same."""
-NO_CASE: Final = "no episode had what it looks at"
+NO_CASE: Final = "no episode had what they need"
 """Begins the reason of a check that was not exercised; a colon and what it looks at may follow."""
 NESTED: Final = ("findings", "reproduced", "follows_from")
 SURE_OF: Final = 0.05

@@ -93,7 +93,8 @@ def build_app() -> typer.Typer:
         rich_markup_mode=None,  # rich alone doubles the time that --help takes
         context_settings={"help_option_names": ["--help", "-h"]},
         help="Tests, records and reproduces PettingZoo environments: checks their rules, records "
-        "episodes that replay bit for bit, and finds the agent that made a run fail.",
+        "episodes that replay bit for bit, and finds the agent that made a run fail. "
+        "Episodes and turns are counted from 0.",
         epilog="Example: gamekeeper run warehouse --policy reference. Exit codes: 0 passed, "
         "verified, done; 1 failed, diverged; 2 no answer, or wrong use; 130 interrupted.",
     )

@@ -26,9 +26,10 @@ LOCAL: Final = "local"
 FanOption: TypeAlias = Annotated[
     int | None,
     workers_option(
-        "Number of worker processes; the result is the same for any number, as long as an episode "
-        "doesn't depend on those before it (gamekeeper audit, GK604) (default: 1, or "
-        "with --executor one per core)."
+        "Number of worker processes, each with an environment and policies of its own for its part "
+        "of the episodes; the result is the same for any number where neither keeps anything from "
+        "episode to episode (of environments: gamekeeper audit, GK604) (default: this process "
+        "plays all, or with --executor one per core)."
     ),
 ]
 ExecutorOption: TypeAlias = Annotated[

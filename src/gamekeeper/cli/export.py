@@ -144,7 +144,7 @@ def _run_files(
     api = str(evidence.manifest["environment"].get("api"))
     screen.show(f"Imported  {counted(evidence.summary, api=api)}")
     screen.show(summary_text(evidence.summary, width=screen.width))
-    screen.show(f"\nEvidence  {evidence.path}\n{digests_text(evidence)}")
+    screen.show(f"\nSaved in  {evidence.path}\n{digests_text(evidence)}")
     return CommandResult(
         {
             **evidence.to_json(),

@@ -105,7 +105,7 @@ def show_recorded(screen: Screen, evidence: Evidence) -> None:
 
     screen.show(f"Recorded  {counted(evidence.summary, api=api_of(evidence))}")
     screen.show(summary_text(evidence.summary, width=screen.width))
-    screen.show(f"\nEvidence  {evidence.path}\n{digests_text(evidence)}")
+    screen.show(f"\nSaved in  {evidence.path}\n{digests_text(evidence)}")
 
 
 def api_of(evidence: Evidence) -> str:

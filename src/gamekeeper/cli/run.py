@@ -254,10 +254,10 @@ def show_audited(screen: Screen, document: dict[str, Any], *, line: str) -> None
     ids = [each["id"] for each in verdicts_of(document, "not_exercised")]
     if ids:
         show(f"not exercised, as nothing happened for them to check: {few(ids, most=MOST_IDS)}")
-    wanted = ["all findings, with programs that show them"] if rows else []
+    wanted = ["all findings with their programs"] if rows else []
     wanted += ["why checks were not exercised"] if ids else []
     if wanted:
-        screen.show(f"{INDENT}{'; '.join(wanted)}:\n{INDENT * 2}{line}")
+        screen.show(f"{INDENT}To see {', and '.join(wanted)}:\n{INDENT * 2}{line}")
 
 
 def show_summary(screen: Screen, recorded: Recorded, *, seed: int, most_turns: int) -> None:
@@ -303,7 +303,7 @@ def show_end(screen: Screen, recorded: Recorded, command: str) -> None:
     from gamekeeper.reporting.results_text import digests_text
 
     evidence = recorded.evidence
-    screen.show(f"\nEvidence  {evidence.path}")
+    screen.show(f"\nSaved in  {evidence.path}")
     screen.show(digests_text(evidence))
     screen.show(f"Next      {command}")
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import pprint
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis
 from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute
+from gamekeeper.episodes.canonical.opaque import shown
 from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -31,6 +35,10 @@ MOST: Final = 3
 """Failing episodes of a run that are compared with their counterfactuals."""
 KEPT: Final = 8
 """Episodes of each arm that a run keeps."""
+LEAST_ACTIONS: Final = 10
+"""Actions in each of two episodes from which their shares are compared."""
+MORE_OFTEN: Final = 0.2
+"""Difference of an action's shares from which it is worth a sentence."""
 
 
 def counterfactuals(
@@ -76,13 +84,15 @@ def counterfactuals(
                     failed(outcome_of(trace), conditions, contract)
                     for trace in (played.trace, other, open_)
                 ]
+                place = _place(found, played, ideal, _concerned(substitute))
                 yield Counterfactual(
                     episode,
                     substitute.name,
-                    *_place(found, played, ideal, _concerned(substitute)),
+                    *place,
                     failed=fails[0].get(scope, False),
                     restored=not fails[1].get(scope, False),
                     restored_open=not fails[2].get(scope, False),
+                    **_acted(place, (played, ideal), contract),
                 )
 
 
@@ -115,6 +125,42 @@ def _place(
         if names:
             return turn, names[0], "action"
     return (None, None, None) if found is None else (found.turn, found.agent, found.field)
+
+
+def _acted(
+    place: tuple[int | None, str | None, str | None],
+    pair: tuple[EpisodeResult, EpisodeResult],
+    contract: Contract,
+) -> dict[str, Any]:
+    """The two actions at the first one that differs, and the action that was done more often."""
+    turn, agent, field = place
+    if turn is None or agent is None or field != "action":
+        return {}
+    names = contract.scene.actions_of(contract.role_of(agent) or "")
+    was, now = (
+        {
+            k: _action_text(act, names)
+            for k, acts in enumerate(each.play.actions or ())
+            for name, act in acts.items()
+            if agent_name(name) == agent and act is not None
+        }
+        for each in pair
+    )
+    did, instead = was.get(turn), now.get(turn)
+    if did is None or instead is None or did == instead:
+        return {}
+    counts = Counter(was.values()), Counter(now.values())
+    shares = {text: (counts[0][text] / len(was), counts[1][text] / len(now)) for text in counts[0]}
+    often, (before, after) = max(shares.items(), key=lambda each: each[1][0] - each[1][1])
+    is_worth = min(len(was), len(now)) >= LEAST_ACTIONS and before - after >= MORE_OFTEN
+    return {"did": did, "instead": instead, "often": [often, before, after] if is_worth else None}
+
+
+def _action_text(action: Any, names: Sequence[str]) -> str:
+    """An action by its declared name, its number in brackets; arrays rounded."""
+    if isinstance(action, int | np.integer):
+        return f"{names[int(action)]} ({action})" if 0 <= action < len(names) else str(action)
+    return shown(np.round(action, 3).tolist() if isinstance(action, np.ndarray) else action)
 
 
 def keep(

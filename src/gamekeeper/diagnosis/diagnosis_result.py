@@ -111,6 +111,9 @@ class Counterfactual:
         restored: whether its counterfactual didn't (closed loop: all policies choose).
         restored_open: the same in an open loop: only those whom the ideal substitute concerns
             choose, the others do what they had done.
+        did, instead: where the first difference is an action: it, and that of the counterfactual.
+        often: the action that the agent did more often than in the counterfactual, with its two
+            shares; None where no share differs much, or there are few actions.
     """
 
     episode: int
@@ -121,6 +124,9 @@ class Counterfactual:
     failed: bool
     restored: bool
     restored_open: bool
+    did: str | None = None
+    instead: str | None = None
+    often: list[Any] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""

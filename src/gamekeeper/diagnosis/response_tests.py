@@ -105,7 +105,8 @@ class ResponseTest:
             return "chooses no legal action after any change of its observations"
         if not self.reactions:
             return "reacts to no change of its observations"
-        lag = "at once" if self.lag == 0 else f"{self.lag} decisions late"
+        late = f"{self.lag} decision{'' if self.lag == 1 else 's'} late"
+        lag = late if self.lag else "at once"
         said = [f"reacts {lag}"]
         if len(self.common_lags) > 1:
             said[0] += f" (from {self.common_lags[0]} to {self.common_lags[-1]})"

@@ -69,7 +69,10 @@ class Tally:
         paid = np.asarray(pc.is_valid(steps["reward"])) & np.asarray(names.is_valid())
         rewards = pc.fill_null(steps["reward"], 0.0).to_numpy()
         codes = np.asarray(names.indices.fill_null(0))
-        np.add.at(sums, codes[paid], rewards[paid])
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # infinite rewards are a check's to judge
+            np.add.at(sums, codes[paid], rewards[paid])
         self.returns |= dict(zip(agents, sums.tolist(), strict=True))
 
     def _rest(self, acted: pa.Table) -> None:

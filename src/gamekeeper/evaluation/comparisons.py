@@ -168,7 +168,8 @@ def _row(
     if not is_run and len(ones) + len(twos) > 2:
         return None  # runs of methods, each taken alone: there is no one difference
     gone = lost(*(list(each) for each in zip(*of_all, strict=True)))
-    of, name = f"{a} and {b} in {ground.name}", [ground.name, a, b, whom.scope, whom.name, metric]
+    of = f"{metric} of {whom.name}, {a} and {b} in {ground.name}"
+    name = [ground.name, a, b, whom.scope, whom.name, metric]
     is_share = metric == SUCCESS
     if is_run:
         compared = judge.between_runs(ones, twos, of=of, name=name, lost=gone, is_share=is_share)
@@ -214,9 +215,9 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
         if claimed and row["n"] in (above, below):
             found = f"is {side} {b} in each of {row['n']} pairs"
         else:
-            more = "is more" if claimed else "isn't shown to be more"
-            found = f"{more} often {side} {b} than {other}: above in {above}, below in {below} of "
-            found += f"{row['n']} pairs"
+            more = f"is more often {side} {b} than {other}"
+            more = more if claimed else f"isn't shown to differ from {b}"
+            found = f"{more}: above in {above}, below in {below} of {row['n']} pairs"
         test = f"p = {p:.2g} (sign test, Holm); {figure} on average, without an interval"
         return f"{where}: {a} {found}, {test}; {scope}"
     is_apart = difference["low"] > 0 or difference["high"] < 0

@@ -78,10 +78,10 @@ def document_in(storage: Storage) -> dict[str, Any]:
 def _lost(before: Mapping[str, Any], spec: Spec, matches: Sequence[Match]) -> Iterator[str]:
     """Results that lie there and that this call wouldn't have."""
     if before.get("seed") != spec.seed:
-        yield f"seed {before.get('seed')}, now {spec.seed}"
+        yield f"seed {before.get('seed')} there, {spec.seed} asked for"
     most = spec.episodes if spec.stop is None else max(spec.episodes, spec.stop.most)
     if most < before.get("episodes", 0):
-        yield f"{before['episodes']} episodes, now {most}"
+        yield f"{before['episodes']} episodes there, {most} asked for"
     for name, was in before.get("environments", {}).items():
         environment = spec.environments.get(name)
         if environment is None:
@@ -127,10 +127,9 @@ def _refuse_loss(lost: Sequence[str], storage: Storage) -> None:
     """
     if lost:
         raise RunError(
-            "results that lie there would be lost: they are of another evaluation",
+            "the folder holds results of another evaluation, which would be lost",
             where=str(storage),
-            expected="the same seed, environments and policies; new ones and more episodes may "
-            "be added",
+            expected="all that was evaluated there, or more: episodes, environments, policies",
             actual="; ".join(lost),
             fix="name another folder with --out (out=...), or delete this one to start anew",
         )

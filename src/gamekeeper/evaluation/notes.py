@@ -81,9 +81,9 @@ def _rare(spec: Spec, episodes: int) -> Iterator[str]:
     is_single = any(not each.is_method for each in spec.policies.values())
     if is_single and episodes >= FEWEST_EPISODES["mean"]:
         yield (
-            f"What comes less than once in {episodes // RULE_OF_THREE} episodes may not be among "
-            f"{episodes}. If it costs much, as a crash does, a mean is off by more than its "
-            "interval tells, and no statistic can know; IQM and median don't depend on it."
+            f"Outcomes rarer than 1 in {episodes // RULE_OF_THREE} episodes may be missing from "
+            f"these {episodes}. Where one would cost much, the mean's interval is too narrow; "
+            "IQM and median don't depend on it."
         )
     runs = [
         max(len(policy.runs_in(each)) for each in spec.environments)
@@ -141,8 +141,8 @@ def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     secondary = len(comparisons) - len(primary)
     if tested > 1:
         yield (
-            f"Claims are of the {tested} primary comparisons: the chance that any is false is "
-            f"{100 * ALPHA:g} % at most."
+            f"The chance that any of the {tested} claims below is false is {100 * ALPHA:g} % at "
+            "most."
         )
     if secondary:
         yield (

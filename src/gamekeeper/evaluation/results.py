@@ -279,15 +279,15 @@ def _figures(
     if run is None:
         means = np.array([np.nanmean(each) for each in scores if not np.isnan(each).all()])
     found: dict[str, Any] = {}
+    whose = f"{name[-1]} of {name[-2]}, {of}"
     for statistic in STATISTICS:
         if float(np.ptp(means)) == 0.0:
             unit = "training runs" if run is None else "episodes"
-            whose = f"{name[-1]} of {name[-2]}, {of}"
             found[statistic] = judge.flat(float(means[0]), len(means), unit, of=whose)
         elif run is None:
             found[statistic] = judge.runs(scores, statistic, of=of, name=name, lost=gone)
         else:
-            found[statistic] = judge.episodes(scores[0], statistic, of=of, name=name, lost=gone)
+            found[statistic] = judge.episodes(scores[0], statistic, of=whose, name=name, lost=gone)
     return {
         "episodes": int(max((~np.isnan(each)).sum() for each in scores)),
         "broken": gone,

@@ -21,16 +21,16 @@ RECORDED: Final = (
     "idle: part of its actions that are the declared noop",
 )
 REPLACED: Final = (
-    "difference: mean team return that is lost if the baseline plays for this agent and no other, "
-    "and the others react",
+    "difference: mean team return that is lost if the baseline plays for this agent, and "
+    "the policies of the others react",
     "Shapley value: what the agent adds to the team's mean return, on average over all orders in "
-    "which the agents could join; the values sum to what all agents together add",
+    "which the agents could join; the values sum to what these agents add together",
 )
 REPEATED: Final = (
-    "one action: mean team return that is lost if {stand_in} replaces one of the agent's actions; "
-    "as nobody reacts, it may be more than the difference above",
+    "one action: mean team return that is lost if {stand_in} replaces one of the agent's actions, "
+    "drawn at random; as the others don't react, it may be more than the difference above",
     "all actions: the same if all of them are replaced",
-    "an action that isn't legal any more gives way to the noop, or else to the first legal action",
+    "a repeated action that is no longer legal is replaced, too",
 )
 HARMFUL: Final = "Harmful: the team has more where it does nothing"
 LAZY: Final = (
@@ -54,7 +54,7 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
         _repeated(document, width),
         _verdict(document, width, "harmful", HARMFUL),
         _verdict(document, width, "lazy", LAZY),
-        influence_text(document["influence"], width=width, least=SHOWN_FROM, lag="turns"),
+        influence_text(document["influence"], width=width, least=SHOWN_FROM, lag="steps"),
         _messages(document, width),
         _penalties(document, width),
         _not_tested(document, width),
@@ -91,7 +91,8 @@ def _replaced(document: Mapping[str, Any], width: int) -> str:
         for name, part in agents.items()
     ]
     parts = [part[key] for part in agents.values() for key in ("difference", "shapley")]
-    absent = "-: not measured: the agent joins late, or isn't in the sample of those replaced"
+    is_sample = any("were drawn" in each["why"] for each in document["not_tested"])
+    absent = f"-: not measured: the agent joins late{', or was not drawn' * is_sample}"
     title = f"Agents replaced: {_episodes(document['fresh'], 'new')}{_named(document)}"
     legend = [*REPLACED, *_signs(parts, absent)]
     values = [(part["difference"] or {}).get("value") for part in agents.values()]
@@ -173,8 +174,8 @@ def team_sentence(document: Mapping[str, Any]) -> str:
         why = "--episodes is 0" if is_closed else "the run names no policies that could react"
         return f"No agents were replaced: {why}."
     return (
-        f"In {document['fresh']} new episodes the team's mean return is {_number(team['all'])}; "
-        f"with all agents replaced by the baseline ({_baseline(document)}) it is "
+        f"The team's mean return is {_number(team['all'])} with all policies as they are; with "
+        f"all agents replaced by the baseline ({_baseline(document)}) it is "
         f"{_number(team['none'])}."
     )
 

@@ -111,7 +111,7 @@ def _consequence(verdict: Document) -> Row:
     """The broken rule, the cause, and what was held still so that the reproducer passed."""
     cause = verdict["follows_from"]
     held = cause["held_still"]
-    why = f"passes with {held}" if held else "the same exception"
+    why = f"it passes with {held}" if held else "the same exception"
     text = f"{_broken(verdict)} Follows from {cause['id']}: {why}."
     return verdict["id"], _short(text)
 
@@ -191,13 +191,12 @@ def _finding(verdict: Document, width: int) -> str:
 
 
 def _cases(verdict: Document) -> str:
-    """`broken in 80 of 80 cases; the program that shows it failed in 5 of 5 new processes, ...`."""
-    text = f"broken in {verdict['failed']:,} of {verdict['cases']:,} cases looked at"
+    """`broken at 80 of 80 places checked; its program failed in 5 of 5 new processes, ...`."""
+    text = f"broken at {verdict['failed']:,} of {verdict['cases']:,} places checked"
     how = verdict["reproduced"]
     if how is not None:
-        text += f"; the program that shows it failed in {how['failed']} of {how['tried']} new "
-        text += "processes"
-        text += ", and passed without what triggers the fault" if how["unchanged_passed"] else ""
+        text += f"; its program failed in {how['failed']} of {how['tried']} new processes"
+        text += ", and passed with the trigger taken out" if how["unchanged_passed"] else ""
     confidence = verdict["confidence"]
     return text if confidence >= SURE else f"{text}; confidence {confidence:.2f}"
 
@@ -246,7 +245,7 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
             reruns += 1
             continue
         if reason.startswith(f"{NO_CASE}: "):
-            reason, text = NO_CASE, f"{text} Looks at: {reason.removeprefix(f'{NO_CASE}: ')}."
+            reason, text = NO_CASE, f"{text} Needs: {reason.removeprefix(f'{NO_CASE}: ')}."
         by_reason.setdefault(_short(reason), []).append((each["id"], _short(text)))
     parts = [
         _section(f"Checks not exercised ({len(rows)}): {reason}", rows, width)
@@ -269,19 +268,17 @@ def minor_text(audit: Document, *, width: int) -> str:
 
 
 def chances_text(audit: Document, *, width: int) -> str:
-    """Passed checks with few cases, by what these could have missed, the fewest cases first."""
-    by_share: dict[str, list[str]] = {}
-    passed = sorted(verdicts_of(audit, "passed"), key=lambda each: each["cases"])
-    for each in passed:
-        missed = each.get("could_miss")  # a document of an earlier version has none
-        if missed is not None and missed > LARGE_SHARE:
-            share = f"up to {100 * missed:.0f} %"
-            by_share.setdefault(f"{_counted(each['cases'], 'case')} ({share})", []).append(
-                each["id"]
-            )
-    rows = [(cases, ", ".join(ids)) for cases, ids in by_share.items()]
-    title = "Passed on few cases (in brackets: a fault in this share of cases may have been missed)"
-    return _section(title, rows, width)
+    """Number of passed checks that looked at few places, and what these could have missed."""
+    passed = verdicts_of(audit, "passed")
+    few = [each for each in passed if (each.get("could_miss") or 0) > LARGE_SHARE]
+    if not few:
+        return ""
+    most = _counted(max(each["cases"] for each in few), "place")
+    text = (
+        f"{_counted(len(few), 'check')} passed at {most} or fewer, which a fault at 1 in "
+        f"{1 / LARGE_SHARE:.0f} may escape (--json: cases, could_miss)"
+    )
+    return "\n".join(wrapped(text, width, rest=INDENT))
 
 
 def errors_text(audit: Document, *, width: int) -> str:

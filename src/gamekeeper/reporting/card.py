@@ -136,7 +136,7 @@ def _rewards(contract: Contract) -> Iterator[Row]:
     for name, term in contract.rewards.items():
         yield name, _term(term)
     if contract.after_end is not None:
-        yield "after the end", f"rewards are {contract.after_end}"
+        yield "after the end", f"rewards are {contract.after_end} once an agent has ended"
 
 
 def _term(term: RewardTerm) -> str:
@@ -145,7 +145,7 @@ def _term(term: RewardTerm) -> str:
         parts.append(f"earned by {' and '.join(term.earner)}")
     if term.payee is not None:
         payee = "the earner" if term.payee == ("earner",) else " and ".join(term.payee)
-        parts.append(f"paid to {payee}")
+        parts.append(f"paid to {payee}" + ", each the same" * (term.kind == "shared"))
     return ", ".join(parts)
 
 

@@ -1,4 +1,4 @@
-"""A diagnosis on one screen: who, since when, what undoes it, how sure, what to try next."""
+"""A diagnosis on one screen: who, where it differs, what undoes it, how sure, what to try next."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.reporting.diagnosis_text import (
+    acted_text,
     answer_sentence,
     contradiction_lines,
     difference_place,
     head_line,
+    limit_words,
+    restored_first,
 )
 from gamekeeper.reporting.results_text import few
 from gamekeeper.reporting.text_columns import wrapped
@@ -41,7 +44,7 @@ def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
         width: columns that no line exceeds, but for a command.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
-    rows = [*_who(document), *_since(document), *_undone(document)]
+    rows = [*_who(document), *_differs(document), *_undone(document)]
     rows += [*_others(document), *_noted(document), *_left_out(document)]
     lines = [
         line
@@ -80,14 +83,14 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "", f"{answer}: {CAUSES[answer]}"
 
 
-def _since(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _differs(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """A row of the first turn at which a failed episode differs from its restored one."""
-    first = next(
-        (each for each in document["counterfactuals"] if each["restored"] and each["failed"]), None
-    )
-    if first is not None and difference_place(first):
+    first = restored_first(document)
+    if first is not None and acted_text(first):
+        yield "Differs", f"{acted_text(first)}."
+    elif first is not None:
         yield (
-            "Since",
+            "Differs",
             f"{difference_place(first)} in episode {first['episode']}: the first difference to "
             f"the same episode with {first['intervention']}",
         )
@@ -116,7 +119,7 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield (
             "How sure",
             f"{_change(document, best)} (95 % interval {best['low']:+.2f} to "
-            f"{best['high']:+.2f}), {p_text(best['p'])}, on {best['n']} fresh episodes",
+            f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with and without",
         )
 
 
@@ -157,7 +160,7 @@ def _left_out(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     rows = document["not_played"]
     if rows:
         more = f"; and {len(rows) - LEFT_OUT} more" if len(rows) > LEFT_OUT else ""
-        yield "Not tried", "; ".join(rows[:LEFT_OUT]) + more
+        yield "Not tried", f"{'; '.join(rows[:LEFT_OUT])}{more} ({limit_words(document)})"
 
 
 def _is_failing(document: Mapping[str, Any]) -> bool:
@@ -180,14 +183,16 @@ def _next(document: Mapping[str, Any]) -> Sequence[str]:
     found = []
     if _named(document) and document["counterfactuals"]:
         episode = document["counterfactuals"][0]["episode"]
-        found.append(f"gamekeeper pivots {run} --episode {episode}{words}   # the lost turn")
+        found.append(
+            f"gamekeeper pivots {run} --episode {episode}{words}   # the turn that lost it"
+        )
     elif good is None and _is_failing(document) and not document.get("raised"):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}   # beside one that works")
     if document["not_played"]:
         more = f" --episodes {2 * document['most_episodes']}"
         if document.get("budget") is not None:
             more += f" --budget {2 * document['budget']}"
-        found.append(f"gamekeeper diagnose {run}{words}{more}   # and what wasn't tried")
+        found.append(f"gamekeeper diagnose {run}{words}{more}   # tries the rest")
     beside = "" if good is None else f" --good {shlex.quote(good['good'])}"
-    found.append(f"gamekeeper diagnose {run}{beside}{words} --all   # all that was played")
+    found.append(f"gamekeeper diagnose {run}{beside}{words} --all   # shows every test")
     return found

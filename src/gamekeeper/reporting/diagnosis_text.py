@@ -63,8 +63,8 @@ def head_line(document: Mapping[str, Any], width: int) -> str:
     again = document.get("reused") or 0
     also = f", {again:,} of an earlier call used again" if again else ""
     text = (
-        f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played{also} "
-        f"({limit_words(document)}), seed {document['seed']}."
+        f"Diagnosed  {document['run']}: {document['episodes']:,} new episodes{also} "
+        f"({limit_words(document)}), from seed {document['seed']}."
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
 
@@ -335,3 +335,33 @@ def difference_place(counterfactual: Mapping[str, Any]) -> str:
     agent, field = counterfactual["agent"], counterfactual["field"]
     of_agent = "" if agent is None else f" of {agent}"
     return f"turn {counterfactual['turn']}, {FIELDS.get(field, field)}{of_agent}"
+
+
+def restored_first(document: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """The counterfactual to show: of the first restored episode, the one that differs last.
+
+    The later it differs, the less of the episode an intervention changed.
+    """
+    found = [
+        each
+        for each in document.get("counterfactuals") or ()
+        if each["restored"] and each["failed"] and each["turn"] is not None
+    ]
+    mine = [each for each in found if each["episode"] == found[0]["episode"]]
+    return max(mine, key=lambda each: int(each["turn"]), default=None)
+
+
+def acted_text(counterfactual: Mapping[str, Any]) -> str:
+    """An agent's action in a failed episode, and in the same one restored; empty if not known."""
+    did, instead = counterfactual.get("did"), counterfactual.get("instead")
+    if did is None or instead is None:
+        return ""
+    turn, episode, agent = (counterfactual[key] for key in ("turn", "episode", "agent"))
+    text = (
+        f"turn {turn} of episode {episode}: {agent} does {did}; after "
+        f"{counterfactual['intervention']} it does {instead}, and the episode succeeds"
+    )
+    if counterfactual.get("often"):
+        often, was, restored = counterfactual["often"]
+        text += f". {often} is {was:.0%} of its actions there, {restored:.0%} in the one restored"
+    return text

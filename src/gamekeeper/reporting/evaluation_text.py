@@ -27,16 +27,15 @@ COLUMNS: Final = {
     "of": "team: sum over its agents; a role: mean over its agents; or one agent",
     "IQM": "interquartile mean: the mean of the middle half",
     "5 to 95 %": "between these two values lie 90 % of the episodes (or training runs)",
-    "success": "share of episodes that the contract's [failure], or `success` in the "
-    "specification, counts as solved",
+    "success": "share of episodes without the contract's [failure], or with the `success` of the "
+    "specification",
     "cut": "episodes that were stopped while agents were live, after most_turns steps",
     "failed": "episodes that an exception, or a reward that is NaN or infinite, ended",
     "mixed": "episodes in which agents ended in different ways",
     "kind": "self: one policy in all seats; fixed: different policies; zero-shot: training runs of "
     "one method that never met in training",
-    "p": "p-value of no difference, corrected for the number of comparisons (Holm); where the "
-    "difference has no interval, of being above as often as below (sign test); intervals of "
-    "differences aren't corrected",
+    "p": "p-value of the difference, corrected for the number of comparisons (Holm), as its "
+    "interval isn't; a sign test where it has no interval",
     "d": "difference in standard deviations: of the paired differences (d_z), or of training runs "
     "(Cohen's d)",
     "P(A > B)": "probability that A is above B: in an episode of the same seed, or a training run "
@@ -172,7 +171,7 @@ def _runs(rows: Sequence[Row], width: int) -> Iterator[str]:
 def _counted(rows: Sequence[Row]) -> str:
     """The unit in which endings are counted."""
     has_roles = any(row["scope"] == "role" for row in _shown(rows))
-    return "in episodes" + (" (of a role: episodes of each of its agents)" if has_roles else "")
+    return "number of episodes" + (" (of a role: of agents' episodes)" if has_roles else "")
 
 
 def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:

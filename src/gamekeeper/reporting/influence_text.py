@@ -15,20 +15,17 @@ TITLE: Final = (
     "Influence: how often another legal action of one agent, in the same episode, changed the "
     "mask, observation, reward or ending of another agent"
 )
-UNITS: Final = {
-    "rounds": "a round: one turn of every live agent",
-    "turns": "a turn: one env step, of all live agents (Parallel) or of one agent (AEC)",
-}
+UNITS: Final = {"rounds": "rounds (one turn of every live agent)", "steps": "env steps"}
 LEGEND: Final = (
-    "{unit}; {lag} later: from the action to the reward or ending, or to the decision that is made "
-    "with the observation or mask; the first lag at which something changed is shown; changed (low "
-    "to high): share of the replaced actions, with its 95 % confidence interval; n: their number"
+    "{lag} later: {unit} from the action to the first change: of a reward or ending, or of an "
+    "observation or mask with which its agent decides; changed: share of the n replaced actions "
+    "that changed it (95 % confidence interval)"
 )
 
 
 def lag_unit(api: str) -> str:
-    """Unit of an audit's lags: turns of a Parallel environment; rounds where agents take turns."""
-    return "rounds" if api == "aec" else "turns"
+    """Unit of an audit's lags: env steps (Parallel), or rounds where agents take turns."""
+    return "rounds" if api == "aec" else "steps"
 
 
 def influence_text(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
@@ -16,7 +16,10 @@ from gamekeeper.statistics.significance import p_text
 Document = Mapping[str, Any]
 
 INDENT: Final = "  "
-APART: Final = ("influence", "looked_ahead", "advice", "because", "why", "errors", "not_measured")
+APART: Final = (
+    *("influence", "looked_ahead", "advice", "because", "why", "errors", "not_measured"),
+    "order_ticks",
+)
 """Keys of `measured` that aren't rows of the table."""
 DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
     "stages": (("schedule", "stages"),),
@@ -34,7 +37,7 @@ DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
 }
 """Places of a contract that declare a key of `measured`; `*`: each name."""
 BY_AGENT: Final = "by_agent"
-COLUMNS: Final = {"least": "least reward", "most": "largest"}
+COLUMNS: Final = {"least": "least reward", "most": "largest", "open": "not ended"}
 """Names of columns that are more than their key."""
 LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
@@ -47,7 +50,7 @@ LABELS: Final = {
 }
 """Rows of the table whose label is more than their key."""
 ORDER_MATTERS: Final = {
-    "none": "no",
+    "none": "no difference seen",
     "draws": "only in which random numbers are drawn",
     "outcome": "yes, it changes the outcome",
 }
@@ -61,10 +64,9 @@ ERRORS: Final = "The environment raised exceptions, so this was left out of the 
 ADVICE: Final = "Which API fits this game"
 TICK: Final = "tick: one step in which every live agent acts once."
 SCHEDULE: Final = (
-    "stages: roles that act together, then those that act after them; order: of the agents of a "
-    'stage ("none": simultaneously); observe: observations are of the time after the tick, or '
-    "after a turn; conflicts: what settles actions that exclude each other (a joint rule needs no "
-    "order)."
+    'stages: roles that act together; order: of the agents of a stage ("none": all at once); '
+    "observe: when observations are taken; conflicts: what settles actions that exclude each "
+    'other ("joint rule": all actions together, without an order).'
 )
 SYMMETRIC: Final = (
     "symmetric: agents of one role seem interchangeable. p-value: how likely returns as unequal as "
@@ -85,7 +87,7 @@ def measured_text(audit: Document, *, width: int) -> str:
     rows = [
         (
             LABELS.get(key, key.replace("_", " ")),
-            _cut(_value(key, value)) or unmeasured(measured, key),
+            _cut(_value(key, value, measured)) or unmeasured(measured, key),
             _declared(declared_as(declared, key), value),
         )
         for key, value in measured.items()
@@ -135,13 +137,14 @@ def _declared(declared: Any, measured: Any) -> str:
     return f"{text} (differs)" if is_plain and measured != declared else text
 
 
-def _value(key: str, value: Any) -> str:
+def _value(key: str, value: Any, measured: Document) -> str:
     if key == "order_sensitive":
-        return ORDER_MATTERS.get(str(value), "")
+        text, ticks = ORDER_MATTERS.get(str(value), ""), measured.get("order_ticks")
+        return f"{text} in {ticks:,} ticks" if value == "none" and ticks else text
     if key in ("may_join", "may_leave") and value == []:
-        return "no agent did"
+        return "no agent came later" if key == "may_join" else "no agent left without an end"
     if key == "stages" and value:
-        return ", then ".join(" with ".join(stage) for stage in value)
+        return ", then ".join(" and ".join(stage) for stage in value)
     return words(value)
 
 
@@ -226,8 +229,8 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        return f"its action changes the world, so it isn't a message, {value['n']:,} comparisons"
-    return f"its action is a message to {words(value['to'])}, {value['n']:,} comparisons"
+        return f"no message: its action changes the world ({value['n']:,} comparisons)"
+    return f"its action is a message to {words(value['to'])} ({value['n']:,} comparisons)"
 
 
 def _payments(value: Document) -> str:
@@ -240,7 +243,7 @@ def _payments(value: Document) -> str:
         if value.get(key) is not None:
             parts.append(yes if value[key] else no)
     if "n" in value:
-        parts.append(f"{value['n']:,} steps paid something")
+        parts.append(f"{value['n']:,} env steps had a reward other than 0")
     return "; ".join(parts)
 
 
@@ -248,11 +251,12 @@ def _lengths(value: Document) -> str:
     """Number of episodes that ended by themselves, and their length in ticks."""
     text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended"
     told = value.get("kinds") or ()
-    kinds = [f"{end['kind']} of {_owner(end['owner'])}" for end in told]
-    for kind, key in (("termination", "terminated"), ("truncation", "truncated")):
-        is_known = any(end["kind"] == kind for end in told)
-        if told and not is_known and any(each.get(key) for each in _by_agent(value)):
-            kinds.append(f"{kind} (owner not measured)")
+    by_agent = _by_agent(value)
+    counted = {key: any(each.get(key) for each in by_agent) for key in FLAGS.values()}
+    beside = {kind: "" if counted[key] or not by_agent else BESIDE for kind, key in FLAGS.items()}
+    kinds = [f"{end['kind']} of {_owner(end['owner'])}{beside[end['kind']]}" for end in told]
+    missed = set(FLAGS) - {end["kind"] for end in told} if told else ()
+    kinds += [f"{kind} (owner not measured)" for kind in sorted(missed) if counted[FLAGS[kind]]]
     text = ": ".join(filter(None, [", ".join(kinds), text]))
     ticks = value.get("ticks")
     if not isinstance(ticks, Mapping):
@@ -262,9 +266,14 @@ def _lengths(value: Document) -> str:
     return f"{text}, after {span} ticks"
 
 
-def _by_agent(value: Document) -> Iterable[Document]:
+FLAGS: Final = {"termination": "terminated", "truncation": "truncated"}
+"""Kinds of endings, by the keys that count them."""
+BESIDE: Final = " (in other episodes)"
+
+
+def _by_agent(value: Document) -> Sequence[Document]:
     table = value.get(BY_AGENT)
-    return table.values() if isinstance(table, Mapping) else ()
+    return tuple(table.values()) if isinstance(table, Mapping) else ()
 
 
 def _owner(owner: str) -> str:

@@ -37,12 +37,12 @@ FEW: Final = 8
 """Elements of an array that is shown whole; of a larger one the first that differs is shown."""
 SUMMARY_LEGEND: Final = (
     "return, length in actions: mean over the episodes that the agent was in; "
-    "share: of the team's return; idle: declared noops among its actions; "
-    "endings: in how many episodes"
+    "share: of the team's return over all episodes; idle: share of noops in its actions; "
+    "endings: number of episodes"
 )
 UNDEFINED: Final = {
     "share": "share -: undefined, as a return is negative or their sum is 0",
-    "idle": "idle -: the contract declares no noop",
+    "idle": "idle -: no noop is declared",
 }
 """Reasons of columns that hold no number."""
 LONGEST_VALUE: Final = 240

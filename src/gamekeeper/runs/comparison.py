@@ -17,7 +17,7 @@ from gamekeeper.episodes.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.episodes.known_extent import ENDS_OPEN
 from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.episodes.where import Where
-from gamekeeper.errors import EvidenceError, PolicyError, SpecError
+from gamekeeper.errors import EvidenceError, PolicyError, RunError, SpecError
 from gamekeeper.interface.env_source import Opened
 from gamekeeper.interface.found_again import ASSUMED
 from gamekeeper.rollouts.workers import run_task
@@ -33,6 +33,7 @@ from gamekeeper.runs.replay_runner import (
     opened_again,
 )
 from gamekeeper.runs.reset_chain import chain_of
+from gamekeeper.runs.run_check import contradiction
 from gamekeeper.runs.standing import choices_in
 
 # -- Replay: recorded actions from recorded seeds in a fresh process, compared row by row
@@ -197,6 +198,9 @@ def _replayed(
         return replayed
     if policies and where.field == "action":
         return replace(replayed, cause="the policies chose otherwise, given the same observations")
+    against = contradiction(evidence)
+    if against:
+        return replace(replayed, cause=f"the run was changed once it was recorded: {against}")
     cause = cause_of(evidence, where, env=env, changed=replayed.versions, timeout_s=timeout_s)
     return replace(replayed, cause=cause)
 
@@ -322,7 +326,8 @@ def replay_evidence(
             both, again = runner.compared(header, chooser=chooser, tolerance=tolerance)
             prints.append(again["fingerprint"])
             report(episode=len(prints), episodes=total)
-            exact, divergence = exact and both.is_exact, both.divergence
+            exact = exact and both.is_exact
+            divergence = both.divergence or _other_extent(header, again)
             if divergence is not None:
                 break
     exact = exact and divergence is None
@@ -341,6 +346,14 @@ def replay_evidence(
         versions=_differing_versions(_identity(evidence), opened.identity),
         episodes=len(prints),
     )
+
+
+def _other_extent(header: Mapping[str, Any], again: Mapping[str, Any]) -> Divergence | None:
+    """The end or the number of steps of an episode, where its replay came to another."""
+    for name in ("turns", "end"):
+        if header["end"] not in (None, *ENDS_OPEN) and header[name] != again[name]:
+            return Divergence(header["episode"], None, None, name, header[name], again[name])
+    return None
 
 
 SetUp: TypeAlias = tuple[Mapping[str, Any], Mapping[str, Any]]
@@ -403,6 +416,22 @@ def different_set_ups(a: Evidence, b: Evidence) -> tuple[Divergence, ...]:
     return tuple(found)
 
 
+def check_consistent(evidence: Evidence) -> None:
+    """Raises where the rows of a run on disk contradict what it says of itself.
+
+    Raises:
+        RunError: they do.
+    """
+    against = contradiction(evidence) if evidence.path else ""
+    if against:
+        raise RunError(
+            "the run contradicts itself",
+            where=str(evidence.path),
+            actual=against,
+            fix=f"gamekeeper verify {evidence.path} says more; get it anew from where it was made",
+        )
+
+
 def check_level(a: Evidence, b: Evidence) -> None:
     """Raises where two runs don't keep the same of what happened.
 
@@ -437,13 +466,12 @@ def diff(
             as equal.
     Raises:
         EvidenceError: they are of different levels.
-        RunError: one of them is no run, or damaged.
+        RunError: one of them is no run, damaged, or contradicts its own fingerprint.
     """
     left, right = (each if isinstance(each, Evidence) else load(each) for each in (a, b))
     check_level(left, right)
-    prints = [[side.manifest.get(name) or None for name in PRINTS] for side in (left, right)]
-    if prints[0] == prints[1] and None not in prints[0]:
-        return None
+    for side in (left, right):
+        check_consistent(side)
     set_up = different_set_ups(left, right)
     if set_up:
         return set_up[0]

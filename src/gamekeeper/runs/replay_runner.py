@@ -397,8 +397,8 @@ def _irreproducible(drew: list[str]) -> str:
         names = " and ".join(drew)
         return f"{what}; it draws from the global generator {names}, which its reset doesn't seed"
     return (
-        f"{what}; it depends on something outside (a generator that reset doesn't seed, the clock, "
-        "addresses, threads)"
+        f"{what}; it depends on something outside (random numbers that reset doesn't seed, the "
+        "clock, threads, memory addresses)"
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from gamekeeper.episodes.actions_level import KeptDigest, add_kept
 from gamekeeper.episodes.arrow import blocks_of
@@ -184,14 +185,16 @@ def _looked_at(folder: Path) -> Verification:
     except GamekeeperError as error:
         damage = damage or [Damage("", "unreadable", str(error))]
         return replace(found, damage=tuple(damage))
-    named = {name: evidence.manifest.get(name) for name in again.run}
     damage += [
         Damage("agent_steps.parquet", "changed", f"episode {n} doesn't digest to its fingerprint")
         for n in again.wrong
     ]
+    against = contradiction(evidence, again)
+    if against and not again.wrong:
+        damage.append(Damage(MANIFEST, "contradicts its files", against))
     return replace(
         found,
-        self_consistent=named == again.run and not again.wrong,
+        self_consistent=not against,
         damage=tuple(damage),
         fingerprint=again.run["fingerprint"],
     )
@@ -235,6 +238,7 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
         print_of = KeptDigest if evidence.manifest.get("level") == KEPT else EpisodeDigest
         digest: Any = print_of(episode_header(seed=header["seed"], options=header["options"]))
         for steps in evidence.tables.parts("agent_steps", number) or ():
+            _check_own(steps, number)
             if "observed" in steps.schema.names:
                 for block in blocks_of(steps):
                     add_kept({number: digest}, block, by_episode)
@@ -259,6 +263,53 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
     rows = [dict(zip(names, found[header["episode"]], strict=True)) for header in headers]
     table = pa.Table.from_pylist(rows, pa.schema([(name, pa.string()) for name in names]))
     return ComputedFingerprints(fingerprints(evidence.manifest, table), found, tuple(wrong))
+
+
+def contradiction(evidence: Evidence, again: ComputedFingerprints | None = None) -> str:
+    """Claims of a run that its rows don't bear out, in words; empty where all fits.
+
+    Fingerprints, the steps of each episode and the agents are what rows and spaces tell too.
+    """
+    again = again or digest_again(evidence)
+    manifest = evidence.manifest
+    named = {name: manifest.get(name) for name in again.run}
+    if again.wrong:
+        return f"episode {again.wrong[0]} doesn't digest to its fingerprint"
+    if named != again.run and manifest.get("status") != "open":
+        return "its rows and spaces don't digest to its fingerprint"
+    if set(manifest.get("agents") or manifest["spaces"]) != set(manifest["spaces"]):
+        return "its agents aren't those that have spaces"
+    for header in evidence.headers:
+        least, most = _known_turns(evidence, header)
+        if header["turns"] is not None and not least <= header["turns"] <= most:
+            return f"episode {header['episode']} has {most} steps, not {header['turns']}"
+    return ""
+
+
+def _known_turns(evidence: Evidence, header: Mapping[str, Any]) -> tuple[int, int]:
+    """Least and largest number of steps that the rows of an episode allow."""
+    acted = last = 0
+    for steps in evidence.tables.parts("agent_steps", header["episode"]) or ():
+        turns = steps["turn"]
+        of_actions = pc.max(turns.filter(pc.is_valid(steps["order"]))).as_py()
+        acted = acted if of_actions is None else max(acted, int(of_actions) + 1)
+        last = max(last, int(pc.max(turns).as_py() or 0))
+    return acted, max(acted, last)
+
+
+def _check_own(steps: pa.Table, number: int) -> None:
+    """Raises where the rows of an episode hold those of another one.
+
+    Raises:
+        RunError: they do.
+    """
+    if not pc.all(pc.equal(steps["episode"], number)).as_py() and steps.num_rows:
+        raise RunError(
+            f"rows of another episode stand among those of episode {number}",
+            where="agent_steps.parquet",
+            expected="rows in the order of episodes",
+            fix="get the run anew from where it was recorded",
+        )
 
 
 def _digits(option: str, given: str | None) -> str | None:

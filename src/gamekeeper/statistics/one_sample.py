@@ -81,11 +81,10 @@ def quantile(
     distinct = float(differing(ordered, part, tail))
     if distinct < LEAST_DISTINCT:
         raise EvidenceError(
-            "many values around the quantile are equal, so that its interval would be wider than "
-            "its level asks for",
+            "too many values around the quantile are equal",
             where="quantile",
-            expected=f"at least {100 * LEAST_DISTINCT:g} % of the values there different",
-            actual=f"{100 * distinct:.0f} %",
+            expected=f"at least {100 * LEAST_DISTINCT:g} % of them differ",
+            actual=f"{100 * distinct:.0f} % differ",
             fix="show the figure without an interval",
         )
     value = float(np.quantile(ordered, part))

@@ -167,9 +167,9 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
 def _counted(hits: int, looks: int) -> None:
     if not 0 <= hits <= looks:
         raise EvidenceError(
-            "a share needs hits among looks",
+            "there are more hits than trials, or fewer than none",
             where="stats",
-            expected="0 <= hits <= looks",
+            expected="0 <= hits <= trials",
             actual=f"{hits} of {looks}",
             fix="count hits among the trials",
         )

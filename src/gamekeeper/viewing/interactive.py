@@ -205,7 +205,7 @@ class Interactive:
         """
         if letter not in self._shown:
             raise EvidenceError(
-                "there is no such future",
+                "no continuation with this letter was played",
                 where="run",
                 expected=", ".join(self._shown) or "a future that was played",
                 actual=letter[:64],

@@ -117,6 +117,9 @@ def diagnosis(word: str, agents: tuple[str, str]) -> dict[str, Any]:
                 "failed": True,
                 "restored": True,
                 "restored_open": False,
+                "did": "north (0)",
+                "instead": "stay (4)",
+                "often": ["north (0)", 0.9, 0.4],
             }
         ],
         "expected": 0.9,

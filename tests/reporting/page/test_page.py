@@ -296,6 +296,9 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     run = shown(recorded(), key="a", path="run", name="run")
     told = documents.diagnosis("w", PLAIN)
     found = {each.question: each for each in answers_of(run, Documents(diagnosis=told))}
+    said = found["What it did"].text
+    assert "does north (0); after " in said
+    assert "it does stay (4), and the episode succeeds. north (0) is 90% of its actions" in said
     cause = found["Likely cause"]
     restored = next(each for each in told["counterfactuals"] if each["restored"])
     assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link

@@ -133,7 +133,10 @@ def test_future_is_shown_and_kept(page: tuple[Visitor, str], line: Path, monkeyp
     kept = said("/play-on/keep", {"run": second["run"]})["folder"]
     assert Path(kept).parent == line.parent / "line-futures"
     assert gk.replay(kept).verified
-    assert "no such future" in said("/play-on/keep", {"run": second["run"]})["error"]["what"]
+    assert (
+        "no continuation with this letter"
+        in said("/play-on/keep", {"run": second["run"]})["error"]["what"]
+    )
 
 
 @pytest.mark.usefixtures("nothing_is_ours")

@@ -122,7 +122,7 @@ class Copies:
             raise SpecError(
                 "copies that are reset one by one can't be recorded",
                 where="gk.record(env.venv)",
-                fix="gk.rollout(spec, policies=torchrl.policy(actor, env), out=...)",
+                fix="record: gk.rollout(spec, policies=torchrl.policy(actor, env), out=...)",
             )
         batch = self._of_kernel._batch
         over = batch.arrays.over

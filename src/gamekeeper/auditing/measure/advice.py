@@ -123,8 +123,8 @@ def _together(signs: RoundSigns) -> FormAdvice:
         drawn = "; another order of the actions changed only which random draw was whose"
         drawn = drawn if signs.dictionary == "draws" else ""
         text = (
-            f"moves change other agents ({signs.hits:,} of {signs.looks:,} comparisons), and no "
-            f"order of moves within a tick was found to decide anything{drawn}"
+            "no order of the moves of a tick was found to matter, though moves affect other "
+            f"agents (in {signs.hits:,} of {signs.looks:,} comparisons, over all lags){drawn}"
         )
         return FormAdvice("parallel", (), text)
     looks = min(signs.within[reason].looks for reason in ("state", "reward"))

@@ -96,6 +96,14 @@ def influence(trials: Trials) -> list[dict[str, Any]]:
     return influence_rows(listed, hits)
 
 
+def is_observed_at_once(trials: Trials) -> bool:
+    """Tells whether a replaced move changed what its own step lets some agent observe."""
+    return any(
+        look.is_changed and look.on == "observation" and look.lag <= NEAR
+        for _, look in _all(trials)
+    )
+
+
 def between_agents(trials: Trials) -> tuple[int, int]:
     """Looks at other agents, and those that found a change."""
     found = [look.is_changed for trial, look in _all(trials) if look.target != trial.agent]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -29,9 +30,18 @@ OTHER: Final = 5_180_211
 """Seed of the global generators while the second instance is built."""
 
 
+DISTURBED: Final = 3
+"""Plays that are disturbed whatever they do; of others only what moves a generator."""
+WATCHED: Final = 100
+"""Plays at most, within the ration."""
+
+
 def _generators_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones: what is drawn rarely is drawn at an end, or when two meet."""
-    return lab.plays(3, runs=2)
+    """Long ones, and more where these end early: some draw at an end alone, or when two meet."""
+    first = list(lab.plays(DISTURBED, runs=2))
+    yield from first
+    for k in range(DISTURBED, WATCHED):
+        yield replace(first[0], seed=lab.seed + k, stream=k)
 
 
 @probe("generators", share=1.5, plays=_generators_plays)
@@ -66,6 +76,8 @@ def generators(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             yield lab.fact(MovedGenerator(name, call), turn=turn, field=name)
         else:
             yield lab.fact(UnmovedGenerator(name), field=name)
+    if not moved and play.stream >= DISTURBED:
+        return
     change = GlobalGeneratorsDisturbed()
     with held(OTHER):
         disturbed = lab.play(base.play, lab.env(), change=change)

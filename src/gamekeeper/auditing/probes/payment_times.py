@@ -9,7 +9,13 @@ from typing import Any, Final
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
-from gamekeeper.auditing.probes.replaced_actions import TURNS, last_acts, other, others, own_name
+from gamekeeper.auditing.probes.replaced_actions import (
+    last_acts,
+    other,
+    others,
+    own_name,
+    short_plays,
+)
 from gamekeeper.checks.effects import changed_numbers
 from gamekeeper.checks.facts.play_facts import PaymentTime
 from gamekeeper.episodes.episode import Episode, Turn
@@ -18,7 +24,6 @@ from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
 from gamekeeper.rollouts.process_randomness import held
 
-MOST_PLAYS: Final = 24
 EVENTS: Final = 3
 """Rewards of one play that are looked into."""
 UNUSUAL: Final = 0.6
@@ -27,13 +32,7 @@ RARE: Final = 0.34
 """Part of an agent's rewards that may be unusual."""
 
 
-def _plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
-    for k in range(MOST_PLAYS):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=TURNS * scale)
-
-
-@probe("payment_times", share=0.0, on_top=0.3, plays=_plays, tries=4)
+@probe("payment_times", share=0.0, on_top=0.3, plays=short_plays, tries=4)
 def payment_times(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Other actions in the tick that paid something unusual, and in the tick before it.
 
@@ -117,6 +116,8 @@ def _timed(
         tried.append((then, agent, action))
         if abs(two.reward(paid, payee) - one.reward(paid, payee)) >= enough:
             return PaymentTime(payee, amount, tuple(tried), is_on_time=True)
+    if not tried:
+        return None
     before = {
         agent: found[agent]
         for agent, then in own.items()
@@ -137,7 +138,7 @@ def _timed(
             return PaymentTime(
                 payee, amount, tuple(tried), decided=(then, agent, action), shown=shown, after=after
             )
-    return PaymentTime(payee, amount, tuple(tried)) if tried else None
+    return PaymentTime(payee, amount, tuple(tried))
 
 
 def _alternatives(

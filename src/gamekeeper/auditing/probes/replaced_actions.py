@@ -117,7 +117,7 @@ def other(lab: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> t
 
 TURNS: Final = 16
 """Rounds of a play: each alternative plays it again up to the payment."""
-ALTERNATIVES_MOST_PLAYS: Final = 24
+MOST_PLAYS: Final = 24
 EVENTS: Final = 2
 """Payments of one play that are looked into, of each term and sign."""
 ALTERNATIVES: Final = 6
@@ -139,16 +139,18 @@ def paid(contract: Contract, turn: Turn, agent: str, term: str) -> float:
     return turn.rewards.get(agent, 0.0) if len(contract.rewards) == 1 else 0.0
 
 
-def _alternatives_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Short plays, as long as there are declared terms to look at."""
-    if not individual_terms(lab.contract):
-        return
+def short_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Plays of few rounds."""
     scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
-    for k in range(ALTERNATIVES_MOST_PLAYS):
+    for k in range(MOST_PLAYS):
         yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=TURNS * scale)
 
 
-@probe("alternatives", share=1.0, plays=_alternatives_plays)
+@probe(
+    "alternatives",
+    share=1.0,
+    plays=lambda lab: short_plays(lab) if individual_terms(lab.contract) else iter(()),
+)
 def alternatives(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Other actions of each agent at the turn that paid a declared individual term.
 

@@ -160,7 +160,7 @@ assert env.agents or not silent, silent"""
 def the_episode_is_over_for_those_who_ended(
     contract: Contract, evidence: ProbeEvidence
 ) -> Iterator[Case]:
-    """No end of one empties `agents` while the others neither terminate nor truncate.
+    """Ending one agent empties `agents` only where the others terminate or truncate too.
 
     The others' last step looks like any other: their returns are bootstrapped from a state that
     nobody ever plays on from.

@@ -168,7 +168,7 @@ def _global_generator_proof(api: str, name: str) -> Reproducer:
     applies=settled_by_seed,
 )
 def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-    """reset(seed) starts the same play in a used instance as in a fresh one; no state survives it.
+    """reset(seed) starts the same play in a used instance as in a fresh one.
 
     Training runs thousands of episodes in one instance; where something of the last one is left,
     no episode can be played again on its own. Tested after the same episode, and after one of

@@ -304,7 +304,7 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterat
     severity=HIGH,
     fix="make the mask once and put it into both places, or into one of them only",
     applies=without_masks,
-    looks_at="an agent with a mask in its info and another in its observation",
+    looks_at="an agent with a mask both in its info and in its observation",
 )
 def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The action mask in an agent's info is the same as the one in its observation.

@@ -186,7 +186,7 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Iterator[Ca
     looks_at="an attribute `observation_spaces` or `action_spaces`",
 )
 def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-    """The dictionaries `observation_spaces` and `action_spaces` say what the methods say.
+    """`observation_spaces` and `action_spaces` hold the spaces that the methods return.
 
     Older readers take a space from the dictionary, newer ones from the method.
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, TypedDict
 import numpy as np
 
 from gamekeeper.checks.verdict import SEVERITIES
-from gamekeeper.reporting.diagnosis_text import answer_sentence
+from gamekeeper.reporting.diagnosis_screen import CAUSES
+from gamekeeper.reporting.diagnosis_text import acted_text, answer_sentence, restored_first
 from gamekeeper.reporting.page.audit_sections import failed_words
 from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
 from gamekeeper.reporting.page.page_data import Answer, FloatArray, PageBlock, shown
@@ -57,6 +58,7 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         _verified(run),
         _outcome(run),
         _cause(run, documents.diagnosis),
+        _did(run, documents.diagnosis),
         _findings(documents.audit),
         _otherwise(run, documents),
         _lost(run, documents),
@@ -67,11 +69,16 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
     return tuple(each for each in found if each is not None)
 
 
+_EXPANDED: Final = "; it was recorded small, and played again in full by `gamekeeper expand`"
+
+
 def _state(run: ShownRun) -> Answer:
     """State of the recording; an episode that broke off comes first."""
     status = run.card.status
     text = " ".join(state_texts(run)) or (
-        "The run is complete." if status in STATES else "The run is in memory."
+        f"The run is complete{_EXPANDED if run.evidence.manifest.get('expanded') else ''}."
+        if status in STATES
+        else "The run is in memory."
     )
     cut = _cut(run)
     if not cut:
@@ -285,21 +292,32 @@ def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
         answers = few(dict.fromkeys(str(each["answer"]).replace("_", " ") for each in every))
         return Answer("Likely cause", f"None was named: {answers}.", "none named", link="#causes")
     texts = [_named_cause(agent, each) for agent, each in named.items()]
-    how = few(dict.fromkeys(str(each["answer"]) for each in named.values()))
+    how = few(f"{each}: {CAUSES[each]}" for each in {str(x["answer"]): 0 for x in named.values()})
     link: Link = {"link": "#causes", "link_text": "what was tested"}
-    for each in diagnosis.get("counterfactuals") or ():
-        if each.get("restored") and each.get("turn") is not None:
-            place = f"{run.key}/{each['episode']}/{each['turn']}"
-            text = f"since turn {each['turn']} of episode {each['episode']}"
-            link = {"link": f"#play:{place}", "link_text": text}
-            break
+    each = restored_first(diagnosis)
+    if each is not None:
+        place = f"{run.key}/{each['episode']}/{each['turn']}"
+        text = f"first difference: turn {each['turn']} of episode {each['episode']}"
+        link = {"link": f"#play:{place}", "link_text": text}
     text = f"{few(texts, most=3)} ({how})."
     return Answer("Likely cause", text, few(named, most=3), "failed", **link)
 
 
+def _did(run: ShownRun, diagnosis: Document | None) -> Answer | None:
+    """An agent's action in a failed episode and in the same one restored, if it is known."""
+    each = restored_first(diagnosis or {})
+    text = acted_text(each or {})
+    if each is None or not text:
+        return None
+    link = f"#play:{run.key}/{each['episode']}/{each['turn']}@{each['agent']}"
+    text = f"{text[0].upper()}{text[1:]}."
+    return Answer("What it did", text, link=link, link_text="watch it")
+
+
 def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     """Differences that something else would have made, as far as they were tested."""
-    text = _restored(_named(documents.diagnosis))
+    first = restored_first(documents.diagnosis or {}) or {}
+    text = _restored(_named(documents.diagnosis), first.get("intervention"))
     if text:
         link: Link = {"link": "#causes", "link_text": "what was tested"}
         return Answer("Otherwise", text, "tested", "tested", **link)
@@ -317,10 +335,14 @@ def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     return Answer("Otherwise", f"{text}.", "not tested", "not_tested")
 
 
-def _restored(named: Mapping[str, Document]) -> str:
-    """The share of successes with and without the first intervention that restores it."""
+def _restored(named: Mapping[str, Document], first: str | None) -> str:
+    """The share of successes with and without an intervention that restores it.
+
+    Args:
+        first: the intervention that is preferred.
+    """
     for each in named.values():
-        for tested in each["tested"]:
+        for tested in sorted(each["tested"], key=lambda test: test["intervention"] != first):
             if tested.get("restores") and tested.get("measure", "success") == "success":
                 before = each["success"]["share"]
                 after = min(max(before + tested["effect"], 0.0), 1.0)
@@ -379,7 +401,8 @@ def _lost(run: ShownRun, documents: Documents) -> Answer | None:
 
 def _named_cause(agent: str, each: Document) -> str:
     component = str(each["component"] or "the whole policy")
-    cause = " and ".join(each["labels"]) or component
+    cause = component if each["answer"] == "ambiguous" else " and ".join(each["labels"])
+    cause = cause or component
     return cause if agent in cause else f"{cause} of {agent}"
 
 

@@ -148,7 +148,7 @@ def influence_blocks(
     Args:
         rows: as an audit or an attribution measured them.
         method: the way in which they were measured, in words.
-        lag: unit of the lags: `turns` or `rounds`.
+        lag: unit of the lags: `steps` or `rounds`.
     """
     rows = [row for row in rows if isinstance(row, Mapping)]
     if not rows:
@@ -248,7 +248,7 @@ def form_section(
     lag = lag_unit(str((evidence.manifest.get("environment") or {}).get("api")))
     if not influence and attribution is not None:
         influence, method = attribution.get("influence"), "single actions of this run were replaced"
-        lag = "turns"
+        lag = "steps"
     return PageSection(
         "form",
         "The game form",

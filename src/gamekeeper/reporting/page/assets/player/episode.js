@@ -120,7 +120,8 @@ gk.Episode = class {
       for (let i = from; i < past; i++) sums[i - from + 1] = sums[i - from] + (this.reward[this.agentRows[i]] || 0);
       this.sums.set(agent, sums);
     }
-    return this.sums.get(agent)[this.place(agent, turn + 1) - this.agentStart[agent]];
+    const sum = this.sums.get(agent)[this.place(agent, turn + 1) - this.agentStart[agent]];
+    return Math.abs(sum) < this.tallest * 1e-12 ? 0 : sum; // what floats leave of a sum of 0
   }
 
   // Whether the agent's action in a row is its declared "nothing".

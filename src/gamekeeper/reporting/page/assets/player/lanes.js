@@ -104,8 +104,9 @@ gk.Lanes = class {
     const at = (event) => this.first + Math.floor((event.clientX - this.canvas.getBoundingClientRect().left) / this.perTurn);
     let start = 0;
     const follow = (event) => {
-      if (!(event.buttons & 1) && event.type !== "pointerdown") return;
       const turn = Math.max(0, Math.min(this.episode.last, at(event)));
+      event.currentTarget.title = `turn ${turn}`;
+      if (!(event.buttons & 1) && event.type !== "pointerdown") return;
       if (event.type === "pointerdown") start = turn;
       else if (event.currentTarget === this.ruler && turn !== start) return this.brush(start, turn);
       this.choose(turn);
@@ -215,7 +216,7 @@ gk.Lanes = class {
       gk.drawLane(ink, this.episode, agent, this.pyramids.level(agent, 1 / shape.perTurn), shape);
       ink.restore();
     }
-    gk.drawRuler(this.ruler, this.episode, this.every, shape);
+    gk.drawRuler(this.ruler, this.episode.last, this.every, shape);
     this.ruler.style.marginLeft = `${this.left}px`;
     this.#nameLanes(from, past, top);
     this.#place();

@@ -1,12 +1,12 @@
 // What the signs of the lanes mean: colours, bars, marks, and of several roles the shapes.
 
 const KEYS = [
-  ["key-acted", "acted, in the agent’s colour"],
-  ["key-idle", "did “nothing”"],
-  ["key-gain", "bar up: reward above 0"],
-  ["key-loss", "bar down: reward below 0"],
-  ["key-cumulative", "cumulative reward"],
-  ["key-ended", "agent ended (open: truncated)"],
+  ["key-acted", "lower bar in the agent’s colour: it acted"],
+  ["key-idle", "lower bar pale: it did “nothing”"],
+  ["key-gain", "grey bar up: reward above 0"],
+  ["key-loss", "red bar down: reward below 0"],
+  ["key-cumulative", "dash: cumulative reward"],
+  ["key-ended", "the agent terminated (open square: truncated)"],
   ["key-cursor", "the turn on show"],
 ];
 const MEANINGS = {

@@ -68,7 +68,7 @@ gk.MapDrawing = class {
       };
     });
     this.canvas = gk.node("canvas", { class: "drawing-map", role: "img" });
-    const words = [this.scene?.legend, ...gk.roleWords(episode), "line: an agent's way here", "hollow: it has ended"];
+    const words = [this.scene?.legend, "colour: the agent, as in the lanes", ...gk.roleWords(episode), "line: an agent's way here", "hollow: it has ended"];
     this.root = gk.node("div", {}, this.canvas, gk.node("p", { class: "note legend", text: words.filter(Boolean).join(" · ") }));
   }
 

@@ -2,7 +2,6 @@
 
 const SPEEDS = [1, 2, 5, 10, 20, 50, 100, 200, 500]; // turns a second
 const THUMB = 16; // pixels of the slider's thumb, as style.css has it
-const TICKS = 14; // pixels of the line of marks below the slider
 const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
 
 gk.Player = class {
@@ -68,16 +67,13 @@ gk.Player = class {
     this.number.addEventListener("input", () => this.number.value !== "" && this.to(Number(this.number.value)));
     this.until = gk.node("span");
     this.where = gk.node("label", { class: "where" }, gk.node("span", { class: "where-word", text: "Turn " }), this.number, this.until);
-    this.legend = gk.node("div", { class: "legend-panel note", id: "gk-legend", hidden: true });
-    this.explain = gk.node("button", { type: "button", class: "explain", text: "Legend", title: "What the signs mean", "aria-expanded": "false", "aria-controls": "gk-legend" });
-    this.explain.addEventListener("click", () => this.explain.setAttribute("aria-expanded", String(!(this.legend.hidden = !this.legend.hidden))));
+    this.hint = gk.node("span", { class: "scrub-hint note", text: "Click or drag to a turn →" });
     this.faster(0);
     this.bar = gk.node(
       "div",
       { class: "controls", role: "group", "aria-label": "Playback" },
-      gk.node("div", { class: "control-buttons" }, ...buttons, this.where, this.explain, this.picking, this.following, speed, this.ranging),
-      gk.node("div", { class: "control-slider" }, this.slider, this.ticks),
-      this.legend,
+      gk.node("div", { class: "control-buttons" }, ...buttons, this.where, this.picking, this.following, speed, this.ranging),
+      gk.node("div", { class: "control-slider" }, this.hint, this.slider, this.ticks),
     );
     // What is jumped to stands below the bar, however high it is.
     new ResizeObserver(() => this.host.style.setProperty("--bar", `${this.bar.offsetHeight}px`)).observe(this.bar);
@@ -229,7 +225,6 @@ gk.Player = class {
     this.#fillJumps();
     this.list.show(entries.map((entry) => `${entry.run}/${entry.episode}`));
     this.#stress();
-    this.legend.replaceChildren(...gk.legendOf(one.episode, this.decks.flatMap((deck) => deck.lanes.every)));
     this.decks.forEach((deck) => deck.lanes.draw());
   }
 
@@ -244,21 +239,20 @@ gk.Player = class {
     const wide = one ? this.last * per + THUMB : row.clientWidth;
     row.style.paddingLeft = this.curve.root.style.paddingLeft = `${from}px`;
     this.slider.style.width = `${wide}px`;
-    const ink = gk.sized(this.ticks, wide, TICKS);
-    ink.clearRect(0, 0, wide, TICKS);
-    const shape = { first: 0, perTurn: (wide - THUMB) / Math.max(1, this.last), past: this.last + 1, width: wide };
-    const at = (turn) => half + turn * shape.perTurn;
-    gk.drawMarks(ink, [...this.marks, ...this.decks.flatMap((deck) => deck.episode.penalties)], { ...shape, at });
+    this.hint.style.width = `${from}px`;
+    const perTurn = (wide - THUMB) / Math.max(1, this.last);
+    const at = (turn) => half + turn * perTurn;
+    gk.drawRuler(this.ticks, this.last, [...this.marks, ...this.decks.flatMap((deck) => deck.episode.penalties)], { first: 0, perTurn, width: wide, at });
     this.curve.draw(this.found, { wide, at });
   }
 
-  // A pair begins at its first difference, what broke off where it did, a lost one at the turn that lost it, a failure in the midst of an episode where it is, a failed one that was played again otherwise where it first differed, anything else at its beginning.
+  // A pair begins at its first difference, what broke off where it did, a lost one at the turn that lost it, a failure in the midst of an episode where it is, a failed one that was played again otherwise where the closest of those first differed, anything else at its beginning.
   #start() {
     if (this.decks.length > 1) return Math.min(this.last, this.part?.turn ?? 0);
     const found = (kind) => this.marks.find((mark) => mark.kind === kind)?.turn;
     if (this.decks[0].episode.end === "open") return this.last;
     const failure = found("failure");
-    return found("error") ?? found("pivot") ?? (failure < this.last ? failure : (found("divergence") ?? 0));
+    return found("error") ?? found("pivot") ?? (failure < this.last ? failure : (this.marks.findLast((mark) => mark.kind === "divergence")?.turn ?? 0));
   }
 
   #sayPart(episodes) {

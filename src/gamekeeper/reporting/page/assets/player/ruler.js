@@ -23,16 +23,17 @@ const stride = (perTurn) => {
   return [1, 2, 5, 10].map((n) => n * power).find((n) => n >= least) ?? 10 * power;
 };
 
-gk.drawRuler = (canvas, episode, marks, { first, perTurn, width }) => {
+// `at(turn)`: its place in pixels, where that isn't the middle of its part of the width.
+gk.drawRuler = (canvas, last, marks, { first, perTurn, width, at = (turn) => (turn - first + 0.5) * perTurn }) => {
   const colours = gk.colours();
   const ink = gk.sized(canvas, width, HEIGHT);
   ink.clearRect(0, 0, width, HEIGHT);
   ink.font = `11px ${colours.font}`;
   ink.textBaseline = "alphabetic";
   const each = stride(perTurn);
-  const past = Math.min(episode.last + 1, first + Math.ceil(width / perTurn));
+  const past = Math.min(last + 1, first + Math.ceil(width / perTurn));
   for (let turn = Math.ceil(first / each) * each; turn < past; turn += each) {
-    const x = (turn - first + 0.5) * perTurn;
+    const x = at(turn);
     ink.fillStyle = colours.line;
     ink.fillRect(x - 0.5, HEIGHT - 4, 1, 4);
     ink.fillStyle = colours.grey;
@@ -40,14 +41,7 @@ gk.drawRuler = (canvas, episode, marks, { first, perTurn, width }) => {
     ink.textAlign = x < 12 ? "left" : x > width - 16 ? "right" : "center";
     ink.fillText(text, Math.max(0, Math.min(width, x)), HEIGHT - 6);
   }
-  gk.drawMarks(ink, marks, { first, past, width, at: (turn) => (turn - first + 0.5) * perTurn });
-};
-
-// Where marks crowd, one a column of pixels is enough.
-gk.drawMarks = (ink, marks, { first, past, width, at }) => {
-  const colours = gk.colours();
-  ink.font = `11px ${colours.font}`;
-  let before = -10;
+  let before = -10; // where marks crowd, one a column of pixels is enough
   ink.textAlign = "center";
   for (const mark of marks) {
     if (mark.turn < first || mark.turn >= past) continue;
