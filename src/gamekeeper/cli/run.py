@@ -81,7 +81,7 @@ AuditOption = Annotated[
     bool,
     typer.Option(
         "--no-audit",
-        help="Skip the quick audit before the recording: about 3,000 env steps beside those of the "
+        help="Skip the quick audit before the recording: about 6,000 env steps beside those of the "
         "recording.",
     ),
 ]
