@@ -97,6 +97,24 @@ def test_a_pair_that_neither_part_replaces_is_joint() -> None:
     assert (answer.answer, answer.labels) == ("joint", ("perception", "control"))
 
 
+def test_policies_of_two_agents_that_are_both_needed_are_joint() -> None:
+    """Isolated is one change alone; where a part wasn't tried, no more is said."""
+    parts = [IdealSubstitute(f"giving {a} x", POLICY, (a,), (("", a, "", "x"),)) for a in "ab"]
+    arms = {joined(parts, "both"): share(1.0), parts[0]: share(0.1), parts[1]: share(0.0)}
+    answer = judged(share(0.0), arms, rng=np.random.default_rng(0))
+    assert answer.answer == "joint"
+    arms.popitem()
+    assert judged(share(0.0), arms, rng=np.random.default_rng(0)).answer == "isolated"
+
+
+def test_an_undo_without_a_counterpart_has_no_label() -> None:
+    """The agent is shown, and not whether it misreads or does it."""
+    one = undone(BoundaryUndo(("a",), "mirror field", (0,)), is_either=True)
+    answer = judged(share(0.0), {one: share(1.0)}, rng=np.random.default_rng(0))
+    assert (answer.answer, answer.labels) == ("isolated", ())
+    assert "a's perception or control" in answer.why
+
+
 def test_a_pair_that_needs_less_goes_before_one_that_does_more() -> None:
     """So nobody is named whose handle does no harm."""
     answer = found(0.1, noise=0.15, slip=0.1, blur=0.1, pair=0.95, more=0.95)

@@ -191,7 +191,7 @@ def _why_none(
         count = dropped + sum(one.undo is not None for one in arms)
         ideals = [one for one in arms if one.undo is None]
         begin = "no ideal substitute restores success, nor does any" if ideals else "none"
-        end = "" if ideals else " restores success"
+        end = ", each alone" if ideals else " restores success alone"
         return f"{begin} of {count} undos from outside, memory resets and policies of peers{end}"
     if skipped:
         played = f"none of {len(arms)} that were played restores success" if arms else "none was"
@@ -306,6 +306,8 @@ def _of_singles(
     skipped: Sequence[IdealSubstitute],
 ) -> ScopeFinding:
     substitutes = _with_peers([one.substitute for one in least], tried)
+    if len({one.component for one in substitutes}) > 1:  # then the other boundary has its undo
+        substitutes = tuple(replace(one, is_either=False) for one in substitutes)
     labels = _labels(substitutes)
     names = ", ".join(substitute.name for substitute in substitutes)
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
@@ -351,6 +353,14 @@ def _of_singles(
                     ": as several exchanges of one field do alike, none is shown to be taken for "
                     "another; what its policy does with that field may be wrong"
                 )
+            elif substitutes[0].is_either:
+                why += (
+                    f": it is {substitutes[0].shown}; no undo of the other boundary that was "
+                    "tried could do the same"
+                )
+        elif len(substitutes) == 1 and _is_joint(substitutes[0], tried):
+            why = f"{names}: all together restore success, none does alone"
+            return ScopeFinding("joint", labels, substitutes, tried, success, why)
         elif len(substitutes[0].leaves) > 1:
             why += f": it is {substitutes[0].shown}, all of which is needed"
         elif not labels:
@@ -410,6 +420,13 @@ def _with_peers(
         elif one.agents == (sides[0],):
             found.append(replace(one, between=()))
     return tuple(found) or tuple(substitutes)
+
+
+def _is_joint(whole: IdealSubstitute, tried: Sequence[Tried]) -> bool:
+    """Tells whether it is of several agents, each of whose parts was tried and restores nothing."""
+    failed = {one.substitute.name for one in tried if not one.restores}
+    is_of_several = len({leaf.agents for leaf in whole.leaves}) > 1
+    return is_of_several and {leaf.name for leaf in whole.leaves} <= failed
 
 
 def _of_pairs(
@@ -484,9 +501,9 @@ class Contradiction:
         (bad, of), (fresh_bad, fresh_of) = self.recorded, self.fresh
         return (
             f"{bad} of {of} recorded episodes failed and {fresh_bad} of {fresh_of} fresh ones, "
-            f"which chance doesn't explain (Fisher's exact test, {p_text(self.p)}): what was "
-            "played again isn't what was recorded, or the recorded seeds are special; this is no "
-            "all-clear"
+            f"which chance alone would seldom do (Fisher's exact test, {p_text(self.p)}): what was "
+            "played again isn't what was recorded, or the recorded seeds are special; by itself "
+            "this is no all-clear"
         )
 
 

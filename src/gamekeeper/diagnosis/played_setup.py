@@ -473,13 +473,9 @@ class _Forgetful:
         self._forget(agent)
         return self._cast.act(agent, observation, info)
 
-    def asked_on(self, agent: Any, observation: Any, info: Any, times: int) -> Any:
+    def asked(self, agent: Any, *given: Any, anew: bool) -> list[Any]:
         self._forget(agent)
-        return self._cast.asked_on(agent, observation, info, times)
-
-    def asked_anew(self, agent: Any, observation: Any, info: Any, times: int) -> list[Any]:
-        self._forget(agent)
-        return list(self._cast.asked_anew(agent, observation, info, times))
+        return list(self._cast.asked(agent, *given, anew=anew))
 
     def _forget(self, agent: Any) -> None:
         if agent_name(agent) in self._agents:

@@ -104,7 +104,10 @@ class ResponseTest:
         if self.failures and not self.changes:
             return "chooses no legal action after any change of its observations"
         if not self.reactions:
-            return "reacts to no change of its observations"
+            seen = f"reacted to none of {self.changes} changes of its observations"
+            return (
+                f"{seen}; draws {self.randomness:.0%} of its actions" if self.randomness else seen
+            )
         late = f"{self.lag} decision{'' if self.lag == 1 else 's'} late"
         lag = late if self.lag else "at once"
         said = [f"reacts {lag}"]

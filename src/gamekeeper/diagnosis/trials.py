@@ -57,6 +57,7 @@ class IdealSubstitute:
             whatever else restores.
         parts: of several at once, those.
         between: of an undo that touches messages alone: their speaker, then those that hear them.
+        is_either: it is an undo, and none at the other boundary of its agents could do the same.
     """
 
     name: str
@@ -68,6 +69,7 @@ class IdealSubstitute:
     cut_off: Literal["declared", "default", "later"] | None = None
     parts: tuple[IdealSubstitute, ...] = ()
     between: tuple[str, ...] = ()
+    is_either: bool = False
 
     @property
     def undo(self) -> BoundaryUndo | None:
@@ -93,7 +95,7 @@ class IdealSubstitute:
     @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
-        if self.between or self.is_gain:
+        if self.between or self.is_gain or self.is_either:
             return ()
         return tuple(each for each in self.component.split(" + ") if each in LABELS)
 
@@ -126,6 +128,8 @@ class IdealSubstitute:
         if self.component == MESSAGES and self.undo is not None:
             names = f"{self.undo.names[0]} to {joined_names(self.undo.agents)}"
             return f"messages from {names}, late or lost on their way"
+        if self.is_either:
+            return f"{whose}{PERCEPTION} or {CONTROL}"
         names, is_one = joined_names(self.agents), len(self.agents) == 1
         words = {
             POLICY: f"{whose}{'policy' if is_one else 'policies'}",
@@ -342,7 +346,9 @@ def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
         if component == POLICY:  # an agent has one policy: the first that is tried in its place
             parts = list({one.agents: one for one in parts[::-1]}.values())[::-1]
         if len(parts) > 1:
-            yield joined(parts, f"everything of {component} at once")
+            whole = f"everything of {component} at once"
+            names = joined_names([part.name for part in parts])
+            yield joined(parts, names if component == POLICY else whole)
 
 
 def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSubstitute:
@@ -361,20 +367,31 @@ def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSu
 
 
 def undone(
-    undo: BoundaryUndo, wider: Iterable[BoundaryUndo] = (), between: tuple[str, ...] = ()
+    undo: BoundaryUndo,
+    wider: Iterable[BoundaryUndo] = (),
+    between: tuple[str, ...] = (),
+    *,
+    is_either: bool = False,
 ) -> IdealSubstitute:
     """An undo as a substitute; one of several agents makes up for the same one of each.
 
     Args:
         wider: the undos that may be such of fewer agents.
         between: the speaker and the listeners of the messages that it touches alone.
+        is_either: no undo at the other boundary of its agents could do the same.
     """
     alone = [each for each in wider if set(each.agents) < set(undo.agents)]
     inner = {str(each) for each in alone if replace(each, agents=undo.agents) == undo}
     step = ("undo", "", "", undo)
     agents = () if undo.component == MESSAGES else undo.agents
     return IdealSubstitute(
-        str(undo), undo.component, agents, (step,), frozenset(inner), between=between
+        str(undo),
+        undo.component,
+        agents,
+        (step,),
+        frozenset(inner),
+        between=between,
+        is_either=is_either,
     )
 
 

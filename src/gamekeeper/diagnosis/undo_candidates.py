@@ -205,6 +205,26 @@ def candidates_of(
     return [undo for *_, undo in sorted(ranked, key=lambda each: each[:2])]
 
 
+def is_either(stage: OpenSetup, undo: BoundaryUndo) -> bool:
+    """Tells whether no undo at the other boundary could do what this one does, so far as is tried.
+
+    What a policy does with whole numbers may be undone by other values of what it observes or of
+    what it does; only pairs of a few values are exchanged, and observed ones aren't shifted.
+    """
+    agent = undo.agents[0]
+    observed, acted = observation_space(stage.env, agent), action_space(stage.env, agent)
+    if observed is None or acted is None:
+        return False
+    most = 2 if undo.way == "shift actions" else MOST_VALUES
+    if undo.way in ("shift actions", "exchange actions"):
+        others = observed_fields(stage.contract, agent, observed)
+    elif undo.component == "perception":
+        others = acted_fields(acted)
+    else:
+        return False
+    return any(x.is_whole and most <= x.high - x.low < np.inf for x in others)
+
+
 def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
     """Each agent, and agents with equal spaces that one policy plays, together."""
     together: dict[str, list[str]] = {}

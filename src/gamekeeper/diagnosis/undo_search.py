@@ -20,7 +20,7 @@ from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
 from gamekeeper.diagnosis.responses import responses_of
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
-from gamekeeper.diagnosis.undo_candidates import candidates_of
+from gamekeeper.diagnosis.undo_candidates import candidates_of, is_either
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.interventions.fields import acted_fields
@@ -85,6 +85,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             [a for a in agents if a in replaced or not replaced],
             _seen([*fed, *islice(episodes, RECORDED)], named),
         )
+        either = {undo for undo in undos if is_either(stage, undo)}
         axes = {
             agent: len(acted_fields(space))
             for agent in named
@@ -92,7 +93,10 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         }
     channels = _channels(experiment, named)
     undos = [*deliveries(channels), *undos]
-    touched = [undone(undo, undos, between(undo, channels, axes)) for undo in undos]
+    touched = [
+        undone(undo, undos, between(undo, channels, axes), is_either=undo in either)
+        for undo in undos
+    ]
     candidates = [*experiment.undos, *touched]
     search(experiment, candidates, failing, scopes)
     return responses

@@ -179,9 +179,9 @@ class UndoneCast:
         """
         undo, times = self._undo, int(self._undo.amount)
         if undo.way == "settle":
-            return self._cast.asked_on(agent, observation, info, times + 1)
+            return self._cast.asked(agent, observation, info, times + 2, anew=False)[-1]
         if undo.way == "commonest":
-            return _commonest(self._cast.asked_anew(agent, observation, info, times))
+            return _commonest(self._cast.asked(agent, observation, info, times, anew=True))
         action = self._cast.act(agent, observation, info)
         if undo.way == "hold":
             count, held = self._held.get(agent, (0, None))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -132,20 +131,23 @@ def _apart(policies: Choices, chosen: Mapping[str, Chosen]) -> frozenset[str]:
         if isinstance(choice, str)
         and whom not in owners
         and shared_with(choice) is None
-        and _is_copied(choice, chosen[whom].policy)
+        and _is_copied(choice, chosen[whom])
     )
 
 
-def _is_copied(name: str, policy: Any) -> bool:
-    if isinstance(policy, ModuleType | FunctionType | SlotPolicy):
-        return False
-    if is_schemed(name) and not callable(getattr(policy, "reset", None)):
-        return False
+def _is_copied(name: str, policy: Chosen) -> bool:
+    is_model = is_schemed(name) and not callable(getattr(policy.policy, "reset", None))
+    return not is_model and _copied(policy) is not None
+
+
+def _copied(chosen: Chosen) -> Chosen | None:
+    """A policy as a copy; None where none is made: of functions, and of what can't be copied."""
+    if isinstance(chosen.policy, ModuleType | FunctionType | SlotPolicy):
+        return None
     try:
-        copy.deepcopy(policy)
+        return replace(chosen, policy=copy.deepcopy(chosen.policy))
     except Exception:  # foreign code; what can't be copied is shared
-        return False
-    return True
+        return None
 
 
 def _check_known(chosen: Mapping[str, Chosen], known: Collection[str]) -> None:
@@ -354,57 +356,38 @@ class JointPolicy:
             PolicyError: its `reset` raised.
         """
         chosen = self.chosen_for(agent)
-        policy: Any = chosen.policy
-        if callable(getattr(policy, "reset", None)):
+        if callable(getattr(chosen.policy, "reset", None)):
             try:
-                reset_policy(policy, int(rng.integers(1 << 31)))
+                reset_policy(chosen.policy, int(rng.integers(1 << 31)))
             except (Exception, SystemExit) as error:
                 raise raised(chosen, agent, error) from error
-        elif not isinstance(policy, ModuleType):
-            with contextlib.suppress(Exception):  # foreign code; then the object itself plays
-                policy = copy.deepcopy(policy)
-        return self._seat(agent, replace(chosen, policy=policy))(rng)
+            return self._seat(agent, chosen)(rng)
+        return self._seat(agent, _copied(chosen) or chosen)(rng)
 
-    def asked_on(self, agent: Any, observation: Any, info: Any, times: int) -> Any:
-        """The action of a policy that is asked so many times in a row, of a copy of it.
+    def asked(
+        self, agent: Any, observation: Any, info: Any, times: int, *, anew: bool
+    ) -> list[Any]:
+        """Actions of a policy, which itself is asked for the first, and copies of it for the rest.
 
-        The policy itself is asked once. Without memory, or where it can't be copied, its own
-        action is returned.
+        A policy that keeps nothing in an object, or can't be copied, is asked for all of them
+        itself if each is drawn anew, else once.
+
+        Args:
+            anew: each further one is asked of a copy as it was before, with the agent's stream;
+                else all are asked of one copy in a row, with a copy of that stream.
         """
-        copied, rng = self._copied(agent)
-        found = self.act(agent, observation, info)
-        if copied is None:
-            return found
-        player = self._seat(agent, copied)(rng)
-        for _ in range(times):
-            found = player(observation, info)
-        return found
-
-    def asked_anew(self, agent: Any, observation: Any, info: Any, times: int) -> list[Any]:
-        """Actions of so many draws of a policy, which itself is asked for one of them.
-
-        A policy that keeps nothing in an object, or can't be copied, is asked for all of them.
-        """
-        copies = [self._copied(agent)[0] for _ in range(times - 1)]
-        found = [self.act(agent, observation, info)]
-        for copied in copies:
-            if copied is None:
-                found.append(self.act(agent, observation, info))
-            else:
-                found.append(self._seat(agent, copied)(self._rngs[agent])(observation, info))
-        return found
-
-    def _copied(self, agent: Any) -> tuple[Chosen | None, Generator]:
-        """An agent's policy as a copy, and its stream as one; None: it isn't one that is copied."""
         chosen = self.chosen_for(agent)
+        copies = [_copied(chosen) for _ in range(times - 1 if anew else 1)]
         rng = self._rngs.get(agent) or policy_rng(self._run_seed, self._episode, agent)
-        kept: Any = chosen.policy
-        if isinstance(kept, ModuleType | FunctionType | SlotPolicy):
-            return None, rng
-        try:
-            return replace(chosen, policy=copy.deepcopy(kept)), copy.deepcopy(rng)
-        except Exception:  # foreign code; what can't be copied isn't
-            return None, rng
+        rng = copy.deepcopy(rng)
+        found = [self.act(agent, observation, info)]
+        seats = [
+            self._seat(agent, each)(self._rngs[agent] if anew else rng) for each in copies if each
+        ]
+        if not seats and not anew:
+            return found
+        players = seats or [self._playing[agent]]
+        return found + [players[at % len(players)](observation, info) for at in range(times - 1)]
 
     def described(self, agents: Iterable[Any]) -> dict[str, dict[str, Any]]:
         """Describes the policies by agent, as evidence keeps them.

@@ -27,13 +27,15 @@ LEFT_OUT: Final = 3
 MEMORY: Final = "memory"
 """Name of evidence that lies in no folder: no command could go on from it."""
 CAUSES: Final = {
-    "isolated": "one change restores success, and no other that was tried, unless it includes it",
-    "joint": "two changes together restore success, and neither does alone",
+    "isolated": "this change alone restores success; of others tried, only sets that contain it do",
+    "joint": "several changes together restore success, and none of them does alone",
     "ambiguous": "several changes restore success, or not all were tried: they can't be told apart",
     "environment": "what restores success is the same for all agents",
     "protocol": "what restores success is how episodes are played, or where they are cut off",
 }
 """Answers that name a cause, and what each means."""
+NOBODYS: Final = ("environment", "protocol")
+"""Those of them that blame no agent."""
 
 
 def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
@@ -70,7 +72,10 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         cause = (" or " if is_open else " and ").join(each["labels"])
         place = each["component"] or ""
         said = f"{cause}: {place}" if cause and cause not in place else place or cause
-        groups.setdefault(f"{each['answer']}; {said}", []).append(name)
+        text = f"({each['answer']}; {said})"
+        if each["answer"] in NOBODYS:
+            name, text = "no agent.", f"{answer_sentence(each)}."
+        groups.setdefault(text, []).append(name)
     raised = [each["agent"] for each in document.get("raised") or ()]
     if not groups and raised:
         yield "Who", f"{', '.join(raised)}: see what its policy raised, above"
@@ -78,7 +83,7 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         whole = document["team"] or next(iter(document["agents"].values()))
         yield "Who", f"no agent. {answer_sentence(whole)}."
     for number, (text, names) in enumerate(groups.items()):
-        yield "" if number else "Who", f"{', '.join(names)} ({text})"
+        yield "" if number else "Who", f"{', '.join(dict.fromkeys(names))} {text}"
     for answer in dict.fromkeys(each["answer"] for each in _named(document).values()):
         yield "", f"{answer}: {CAUSES[answer]}"
 
@@ -116,10 +121,12 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "" if number else "So does", name
     if tests:
         best = max(tests, key=lambda each: float(each["effect"]))
+        whose = f"{best['intervention']}: " if len(tests) > 1 else ""
         yield (
             "How sure",
-            f"{_change(document, best)} (95 % interval {best['low']:+.2f} to "
-            f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with and without",
+            f"{whose}{_change(document, best)} (95 % interval {best['low']:+.2f} to "
+            f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with it and the "
+            "same without",
         )
 
 
