@@ -186,8 +186,8 @@ def command(
     taken over one at a time, then in ever smaller sets; no knob is needed.
 
     Exit code 0: a cause is named, or the run fails no more often than chance allows. 1: a policy
-    raised in new episodes. 2: no answer, or new episodes contradict the recorded ones; the reason
-    is printed.
+    raised in new episodes. 2: no answer, or new episodes contradict the recorded ones and no
+    change of them shows a cause; the reason is printed.
 
     Example: gamekeeper diagnose runs/warehouse-1 --failed "return < 3"
     """
@@ -273,7 +273,9 @@ def diagnosis_code(found: Diagnosis) -> int:
     is_failing = any(each.success[2] < found.expected for each in answers)
     if found.differences is not None:
         return 0 if found.differences.least else 2
-    return 2 if found.contradictions or (is_failing and not found.has_cause) else 0
+    if found.contradictions:  # what evidence alone says is no cause then
+        return 0 if found.has_shown_cause else 2
+    return 2 if is_failing and not found.has_cause else 0
 
 
 def _save(screen: Screen, found: Any, run: Path, path: Path | None, failed: str | None) -> None:
