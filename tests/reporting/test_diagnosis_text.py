@@ -181,5 +181,5 @@ def test_counterfactuals_are_sentences() -> None:
 def test_what_the_budget_did_not_reach_is_printed() -> None:
     """With the option that raises it."""
     text = _text(not_played=["ideal substitutes: slip = 0"])
-    assert "Not played (at most 400; --episodes, --budget)" in text
+    assert "Not played (limit: 400; --episodes, --budget)" in text
     assert "ideal substitutes: slip = 0" in text

@@ -19,7 +19,7 @@ from gymnasium import spaces
 
 from gamekeeper.episodes.arrow import TERM, cells_of
 from gamekeeper.episodes.block import Text
-from gamekeeper.episodes.episode import Episode, Spaces
+from gamekeeper.episodes.episode import Episode, Spaces, digests_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import value_columns
 from gamekeeper.episodes.plain_json import legible
@@ -212,7 +212,7 @@ class AgentRows:
     @legible
     def digests(self) -> Any:
         """[rows, 16] the digest of each, where digests stand in place of the observations."""
-        return np.array([np.frombuffer(row, np.uint8) for row in self.texts("digest")])
+        return digests_of(self.table)
 
     @property
     def turns(self) -> Any:

@@ -8,6 +8,8 @@ import sysconfig
 from collections.abc import Collection, Mapping
 from typing import Any, Final
 
+from gamekeeper.interface.identity import class_of
+
 THREADED: Final = frozenset({"jax", "jaxlib", "ray", "tensorflow"})
 """Packages that start threads once they are imported: a fork has none of them, and may wait."""
 
@@ -17,7 +19,7 @@ def source_of(env: Any) -> dict[str, Any]:
 
     Of an environment of another shape it is the guest's own class.
     """
-    kind = _class_of(env)
+    kind = class_of(env)
     found: dict[str, Any] = {"class": f"{kind.__module__}.{kind.__qualname__}"}
     try:
         found["file"] = inspect.getsourcefile(kind)
@@ -39,7 +41,7 @@ def installed_modules(env: Any, before: Collection[str]) -> tuple[str, ...]:
     Args:
         before: names of the modules that were loaded before it.
     """
-    classes = (*type(env).__mro__, *_class_of(env).__mro__)
+    classes = (*type(env).__mro__, *class_of(env).__mro__)
     own = {cls.__module__.partition(".")[0] for cls in classes}
     folders = tuple(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))
     found = []
@@ -50,12 +52,3 @@ def installed_modules(env: Any, before: Collection[str]) -> tuple[str, ...]:
         if str(spec.origin).startswith(folders):
             found.append(name)
     return tuple(n for n in found if n.partition(".")[0] not in own | THREADED)
-
-
-def _class_of(env: Any) -> type:
-    try:
-        inner = env.unwrapped
-        guest = getattr(inner, "guest", inner)
-        return type(getattr(guest, "unwrapped", guest))
-    except Exception:  # a wrapper of the environment's own that keeps no such attribute
-        return type(env)

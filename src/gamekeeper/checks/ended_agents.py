@@ -19,7 +19,7 @@ def ended_in(turn: Turn) -> frozenset[str]:
     nonconforming = {
         agent
         for agent, fields in turn.nonconforming.items()
-        if any(_is_up(fields.get(name, {}).get("value")) for name in FLAGS)
+        if any(is_up(fields.get(name, {}).get("value")) for name in FLAGS)
     }
     return turn.ended | nonconforming
 
@@ -29,7 +29,8 @@ def is_twofold(turn: Turn) -> bool:
     return len(set(turn.agents)) < len(turn.agents)
 
 
-def _is_up(flag: Any) -> bool:
+def is_up(flag: Any) -> bool:
+    """True if a flag of an end is set; an array of flags isn't."""
     try:
         return bool(flag)
     except Exception:  # an array of flags says nothing

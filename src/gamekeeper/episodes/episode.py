@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from gamekeeper.episodes.actions_level import kept_block, kept_digests, kept_states
 from gamekeeper.episodes.arrow import TERM, blocks_of, cells_of, states_batch, steps_batch
@@ -22,6 +23,7 @@ from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec
 from gamekeeper.episodes.views import Views
 from gamekeeper.episodes.where import Where
+from gamekeeper.errors import EvidenceError
 
 # scalars that canonical JSON writes as plain values
 _SCALARS: Final[dict[str | None, Any]] = {
@@ -452,11 +454,22 @@ def kept_states_table(states: pa.Table | None) -> pa.Table | None:
 
 
 def digests_of(steps: pa.Table) -> Any:
-    """The digest of every row of a `steps` table, [rows, 16], as stored or else computed."""
+    """The digest of every row of a `steps` table, [rows, 16], as stored or else computed.
+
+    Raises:
+        EvidenceError: a stored one isn't of 16 bytes.
+    """
     if "observed" in steps.schema.names:
         digests = [kept_digests(block) for block in blocks_of(steps)]
         return np.concatenate(digests) if digests else np.empty((0, SIZE), np.uint8)
     if "digest" in steps.schema.names:
-        return np.frombuffer(b"".join(steps["digest"].to_pylist()), np.uint8).reshape(-1, SIZE)
+        stored = steps["digest"]
+        if stored.null_count or pc.any(pc.not_equal(pc.binary_length(stored), SIZE)).as_py():
+            raise EvidenceError(
+                f"the digest of a row isn't of {SIZE} bytes",
+                where="agent_steps, digest",
+                fix="restore the run from a copy; `gamekeeper verify` lists all damage",
+            )
+        return np.frombuffer(b"".join(stored.to_pylist()), np.uint8).reshape(-1, SIZE)
     digests = [row_digests(block) for block in blocks_of(steps)]
     return np.concatenate(digests) if digests else np.empty((0, SIZE), np.uint8)

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib import import_module
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -127,18 +126,6 @@ class Evidence:
             return self._table(table).to_pandas()
         except ImportError as error:
             raise _missing("pandas") from error
-
-    def to_polars(self, table: str = "agent_steps") -> Any:
-        """A table as a Polars DataFrame, as in `to_pandas`.
-
-        Raises:
-            EvidenceError: the run has no such table.
-            DependencyError: Polars isn't installed.
-        """
-        try:
-            return import_module("polars").from_arrow(self._table(table))
-        except ImportError as error:
-            raise _missing("polars") from error
 
     def _table(self, name: str) -> pa.Table:
         found = {"episodes": self.episode_table, "agent_steps": self.agent_steps}.get(name)

@@ -141,8 +141,8 @@ def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     secondary = len(comparisons) - len(primary)
     if tested > 1:
         yield (
-            f"The chance that any of the {tested} claims below is false is {100 * ALPHA:g} % at "
-            "most."
+            f"Where policies don't differ, the chance that any of these {tested} comparisons says "
+            f"they do is {100 * ALPHA:g} % at most."
         )
     if secondary:
         yield (

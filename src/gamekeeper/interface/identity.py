@@ -51,7 +51,7 @@ def identity_of(source: Source, env: Env, kwargs: Mapping[str, Any]) -> dict[str
         "kwargs": json.loads(to_json(dict(kwargs))),
         "versions": _versions(source, env),
         "source_digest": source_digest(
-            (source.accepts or source.factory, *_class_of(env).__mro__),
+            (source.accepts or source.factory, *class_of(env).__mro__),
             files=(source.facts["path"],) if "path" in source.facts else (),
         ),
         **source.facts,
@@ -90,7 +90,7 @@ def _versions(source: Source, env: Env) -> dict[str, str]:
     for name in _FRAMEWORKS:
         # Unknown where it is used from a source tree that nothing installed.
         versions[name] = version_of(name) or "unknown"
-    module = "" if source.kind == "file" else _class_of(env).__module__
+    module = "" if source.kind == "file" else class_of(env).__module__
     owner = owner_of(module) if module else None
     if owner is not None:
         versions[normal_name(owner.name)] = owner.version
@@ -131,7 +131,7 @@ def _digest(file: str) -> bytes | None:
         return None
 
 
-def _class_of(env: Env) -> type:
+def class_of(env: Env) -> type:
     """The class that has the rules; of an environment of another shape, the guest's own."""
     try:
         inner = env.unwrapped

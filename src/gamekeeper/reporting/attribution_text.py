@@ -30,7 +30,7 @@ REPEATED: Final = (
     "one action: mean team return that is lost if {stand_in} replaces one of the agent's actions, "
     "drawn at random; as the others don't react, it may be more than the difference above",
     "all actions: the same if all of them are replaced",
-    "a repeated action that is no longer legal is replaced, too",
+    "where a repeated action is no longer legal, a legal one takes its place",
 )
 HARMFUL: Final = "Harmful: the team has more where it does nothing"
 LAZY: Final = (

@@ -27,7 +27,7 @@ LEFT_OUT: Final = 3
 MEMORY: Final = "memory"
 """Name of evidence that lies in no folder: no command could go on from it."""
 CAUSES: Final = {
-    "isolated": "one change restores success, and no other that was tried, unless it includes it",
+    "isolated": "this change alone restores success; of others tried, only sets that contain it do",
     "joint": "several changes together restore success, and none of them does alone",
     "ambiguous": "several changes restore success, or not all were tried: they can't be told apart",
     "environment": "what restores success is the same for all agents",
@@ -125,7 +125,8 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield (
             "How sure",
             f"{whose}{_change(document, best)} (95 % interval {best['low']:+.2f} to "
-            f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with and without",
+            f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with it and the "
+            "same without",
         )
 
 

@@ -71,7 +71,7 @@ def head_line(document: Mapping[str, Any], width: int) -> str:
 
 def limit_words(document: Mapping[str, Any]) -> str:
     """Limit of episodes, and the env steps that were taken where they were limited too."""
-    most = f"at most {document['most_episodes']:,}"
+    most = f"limit: {document['most_episodes']:,}"
     if document.get("budget") is None:
         return most
     return f"{most}; {document['steps']:,} of {document['budget']:,} env steps"

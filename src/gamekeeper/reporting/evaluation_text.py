@@ -34,8 +34,8 @@ COLUMNS: Final = {
     "mixed": "episodes in which agents ended in different ways",
     "kind": "self: one policy in all seats; fixed: different policies; zero-shot: training runs of "
     "one method that never met in training",
-    "p": "p-value of the difference, corrected for the number of comparisons (Holm), as its "
-    "interval isn't; a sign test where it has no interval",
+    "p": "p-value of the difference, corrected for the number of comparisons (Holm); the "
+    "interval beside it is not; a sign test where there is no interval",
     "d": "difference in standard deviations: of the paired differences (d_z), or of training runs "
     "(Cohen's d)",
     "P(A > B)": "probability that A is above B: in an episode of the same seed, or a training run "

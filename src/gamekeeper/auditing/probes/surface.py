@@ -16,6 +16,7 @@ from gymnasium.spaces import Space
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
+from gamekeeper.checks.ended_agents import is_up
 from gamekeeper.checks.facts.surface_facts import (
     AgentCounts,
     BookEntries,
@@ -304,15 +305,8 @@ def _flagged(env: Any) -> list[str]:
     for name in FLAGS:
         book = getattr(env, name, None)
         if isinstance(book, Mapping):
-            found.update((agent_name(agent), None) for agent, flag in book.items() if _is_up(flag))
+            found.update((agent_name(agent), None) for agent, flag in book.items() if is_up(flag))
     return list(found)
-
-
-def _is_up(flag: Any) -> bool:
-    try:
-        return bool(flag)
-    except Exception:  # an array of flags says nothing
-        return False
 
 
 MOST_TURNS: Final = 20

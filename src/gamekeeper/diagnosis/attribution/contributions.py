@@ -363,7 +363,7 @@ def _not_tested(
         if count:
             notes.append({"what": f"replaced actions in {count} recorded episodes", "why": why})
     if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
-        why = 'no reward term of the contract has payee = "earner"'
+        why = 'the contract has no reward that its causer alone is paid (payee = "earner")'
         notes.append({"what": "penalties caused by another agent", "why": why})
     untold = [set(each["untold"]) for each in found.scans if each["untold"] is not None]
     if untold:
