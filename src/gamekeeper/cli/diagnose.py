@@ -225,6 +225,8 @@ def command(
         )
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
     screen.show(_text(found.to_json(), screen.width, folder if all_ else None))
+    if outside := outside_space(run, screen.width):
+        screen.show(outside)
     _save(screen, found, run, save_case, condition)
     return CommandResult(found.to_json(), diagnosis_code(found))
 
@@ -243,6 +245,16 @@ def _text(document: dict[str, Any], width: int, folder: Path | None) -> str:
         return diagnosis_screen(document, width=width)
     runs = f"\n\nRecordings  {folder / 'runs'}" if document["runs"] else ""
     return diagnosis_text(document, width=width) + runs
+
+
+def outside_space(run: Path, width: int) -> str:
+    """Recorded actions that are NaN or out of their space, by agent; empty where there are none."""
+    from gamekeeper.auditing.recorded import outside_actions
+    from gamekeeper.reporting.audit_text import outside_text
+    from gamekeeper.runs.load_run import load
+
+    text = outside_text(outside_actions(load(run)), width=width, of_audit=False)
+    return f"\n{text}" if text else ""
 
 
 def only_condition(conditions: list[str] | None) -> str | None:
