@@ -8,6 +8,7 @@ from gymnasium import spaces
 from pettingzoo import AECEnv, ParallelEnv
 
 from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.probes.held_values import HeldValues
 from gamekeeper.auditing.result import AuditResult
 from tests.faults import Faulty, environments
 from tests.faults.lanterns import Lanterns
@@ -115,6 +116,16 @@ def test_arrays_of_actions_and_views_are_looked_at(fault: str, id: str) -> None:
 def test_rows_of_one_array_are_apart() -> None:
     """Views of one array that don't overlap share no memory."""
     assert outcomes(lambda: Ledger("views"), "GK614") == {"GK614": "passed"}
+
+
+def test_every_pair_that_shares_is_counted() -> None:
+    """The share that is told is of all the pairs that were looked at."""
+    one: dict[str, Any] = {}
+    values = HeldValues(age=1)
+    values.look_at_pairs(0, {"infos": {"a": {}, "b": {}, "c": {}}})
+    values.look_at_pairs(1, {"infos": {"a": one, "b": one, "c": one}})
+    assert (values.pairs["infos"], values.alike["infos"]) == (6, 3)
+    assert values.shared["infos"] == (1, ("a", "b"))
 
 
 def test_read_only_arrays_may_be_shared() -> None:

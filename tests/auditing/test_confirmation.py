@@ -12,7 +12,7 @@ import pytest
 from gamekeeper.auditing import elsewhere
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
-from gamekeeper.auditing.confirm import TRIES, Confirmation, _share_until
+from gamekeeper.auditing.confirm import TRIES, Confirmation, Programs, _share_until
 from gamekeeper.auditing.holds import (
     ClassState,
     calls_of_class,
@@ -25,7 +25,7 @@ from gamekeeper.auditing.holds import (
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
-from gamekeeper.checks.verdict import FollowsFrom, Reproduced
+from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodeResult
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -313,3 +313,27 @@ def test_rewards_names_and_readings_are_held_still() -> None:
         *(1, 1, 1, 1),
         0,
     ]
+
+
+def test_a_finding_tells_the_exception_that_its_program_shows() -> None:
+    """A program that ends in another exception than the audit saw has the last word."""
+
+    class Worker(WarmWorker):
+        def start(self) -> None:
+            """Needs no process."""
+
+        def run(self, *args: Any, **named: Any) -> TaskOutcome:
+            """The end of a program that asserts that nothing was raised."""
+            value = {"raised": "AssertionError", "text": "list", "at": "", "told": "IndexError: x"}
+            return TaskOutcome("done", value, None, None, 0.0)
+
+    def told(actual: str) -> tuple[str, str]:
+        finding = Finding("here", "a step", actual, "", f"# actual: {actual}\n")
+        work = Confirmation([Worker(())], lambda: None, None)
+        found, _, is_shown = work.finding(Programs(finding, "", compares=False, unchanged=""))
+        assert is_shown
+        return found.actual, found.reproducer
+
+    assert told("ValueError: dead") == ("IndexError: x", "# actual: IndexError: x\n")
+    assert told("IndexError: y")[0] == "IndexError: y"
+    assert told("NaN at [14]")[0] == "NaN at [14]"

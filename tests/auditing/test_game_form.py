@@ -8,8 +8,8 @@ import pytest
 from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
 from gamekeeper.auditing.gather import gather, lab_of
 from gamekeeper.auditing.measure import comings, roles, trials, turns
-from gamekeeper.auditing.measure.advice import RoundSigns, advice
-from gamekeeper.auditing.measured import measured
+from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
+from gamekeeper.auditing.measured import _conflicts, measured
 from gamekeeper.auditing.probes import episode_shapes
 from gamekeeper.checks.facts.form_facts import (
     AgentEnding,
@@ -77,6 +77,17 @@ def test_conflicts_of_a_tick(rule: str, conflicts: str, advised: str) -> None:
     """A roster's priority, a lot and a joint rule are told apart in a Parallel environment."""
     found = form_of(partial(Ladle, rule), 6_000)
     assert (found["conflicts"], found["advice"]) == (conflicts, advised), found["why"]
+
+
+def test_a_joint_rule_is_shown_by_moves_that_take_from_each_other() -> None:
+    """That no order was found to matter doesn't exclude a fixed order of the names."""
+    fits = FormAdvice("parallel", (), "")
+    assert _conflicts("parallel", fits, None, {"result": "none"}, is_joint=False) is None
+    assert _conflicts("parallel", fits, None, {}, is_joint=True) == "joint rule"
+    b_paid, a_paid = (MoveLook(target, "reward", 0, True, True, 2) for target in "ba")
+    tried = (trial(b_paid), trial(a_paid, agent="b"))
+    facts = [Fact(Where("form", 0, 0), each) for each in tried]
+    assert (trials.contests(facts[:1]), trials.contests(facts)) == (0, 1)
 
 
 def test_lags_endings_and_joining() -> None:

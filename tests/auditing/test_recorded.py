@@ -12,6 +12,7 @@ from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
 from gamekeeper.auditing.recorded import failed_rows, outside_actions
+from gamekeeper.cli.diagnose import outside_space
 from gamekeeper.errors import EvidenceError
 from tests.faults import environments
 
@@ -103,3 +104,6 @@ def test_what_follows_an_action_out_of_its_space_is_not_judged(
     ((agent, (count, of, first)),) = outside_actions(evidence).items()
     assert (agent, count, of) == ("a", 3, 3)
     assert first.startswith(f"episode 0, turn 0, action['a']: {seen}")
+    shown = outside_space(tmp_path / "run", 80)  # what a diagnosis says of it
+    assert "3 of 3. First at episode 0, turn 0" in shown
+    assert "judged" not in shown

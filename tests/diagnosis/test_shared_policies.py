@@ -11,6 +11,8 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.cli._app import run_line
+from gamekeeper.cli.diagnose import diagnosis_code
+from gamekeeper.diagnosis.diagnosis_result import Tested as OneTest
 from gamekeeper.diagnosis.judgement import contradictions
 from gamekeeper.diagnosis.played_setup import setup_of
 from gamekeeper.episodes.evidence import Evidence
@@ -220,6 +222,11 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
     code = run_line([*line, "--no-perturbations", "--workers", "0", "--allow-import"])
     assert code == 2
     assert capsys.readouterr().out.startswith("Contradiction")
+    test = OneTest("control", "x = 0", "ideal", 0.5, 0.4, 0.6, 0.001, 64, restores=True)
+    a = replace(fair.agents["a"], answer="isolated", substitutes=("x = 0",), tested=(test,))
+    assert diagnosis_code(replace(fair, agents={"a": a})) == 0
+    alone = replace(a, tested=(replace(test, restores=False),))  # by evidence alone
+    assert diagnosis_code(replace(fair, agents={"a": alone})) == 2
 
 
 def test_shares_that_chance_explains_are_no_contradiction() -> None:

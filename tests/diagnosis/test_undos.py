@@ -345,6 +345,39 @@ def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() 
     assert found.episodes <= 500
 
 
+class Stuck(Walker):
+    """Goes to the first middle that it ever saw: no reset clears it."""
+
+    known: int | None = None
+
+    def reset(self, seed: int) -> None:
+        """Forgets nothing."""
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        """A step."""
+        self.known = int(observation[1]) if self.known is None else self.known
+        return super().__call__([observation[0], self.known], agent, info, rng)
+
+
+def test_what_outlives_a_policys_own_reset_is_gone_with_its_object() -> None:
+    """One agent is named with no label, or both together; what was handed over isn't played."""
+    policies: dict[str, Any] = {"left_0": Stuck(), "right_0": Walker()}
+    evidence = gk.rollout(Meeting, policies={**policies, "left_0": Stuck()}, episodes=4, seed=1)
+    given: dict[str, Any] = {"env": Meeting, "failed": "return < 1", "perturbations": False}
+    left = gk.diagnose(evidence, policies=policies, episodes=500, **given).agents["left_0"]
+    assert (left.answer, left.labels) == ("isolated", ())
+    assert left.component == "something that left_0 keeps from episode to episode"
+    assert left.substitutes == ("playing each episode with a fresh object of left_0's policy",)
+    both = {agent: Stuck() for agent in policies}
+    found = gk.diagnose(evidence, policies=both, episodes=800, **given)
+    assert {each.answer for each in found.agents.values()} == {"joint"}
+    cast = assign(both, possible_agents=list(both), action_space=lambda agent: Discrete(3))
+    renew, before = cast.renewer(["left_0"]), cast.chosen_for("right_0").policy
+    renew()
+    assert cast.chosen_for("left_0").policy is not both["left_0"]
+    assert cast.chosen_for("right_0").policy is before
+
+
 def test_undos_that_do_the_same_cannot_be_told_apart() -> None:
     """To take place and goal for each other, or up for down, is one on a line: no label is sure."""
     for episodes in (400, 1_000):

@@ -84,4 +84,23 @@ def test_shrink_leaves_what_nothing_shorter_shows() -> None:
     """A play that can't be shortened stays."""
     play = EpisodePlan(actions=tuple({"a": n} for n in range(5)), most_turns=5)
 
-    assert shrink(play, lambda shorter: shorter == play) == play
+    assert shrink(play, lambda shorter: shorter.actions == play.actions).actions == play.actions
+
+
+def test_a_shrunk_play_leaves_no_live_agent_out() -> None:
+    """A turn of fewer agents, moved to an earlier place, has the actions of those alive there."""
+    env = Rovers()
+    first, every = env.possible_agents[0], dict.fromkeys(env.possible_agents, 1)
+    play = EpisodePlan(seed=1, actions=(every, every, {first: 0}))
+    seen: list[tuple[Any, ...]] = []
+
+    def still(shorter: EpisodePlan) -> bool:
+        done = perform(shorter, env).play
+        assert done.stand_ins is None
+        seen.append(done.actions or ())
+        return bool(done.actions) and done.actions[-1][first] == 0
+
+    shrink(play, still)
+
+    assert len(seen) > 2
+    assert all(turn.keys() == every.keys() for each in seen for turn in each)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +26,8 @@ AT_ONCE: Final = 2
 """Programs that run beside each other."""
 NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundError")
 """Exceptions of a program that can't run at all; they show nothing of the environment."""
+EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception)):")
+"""The class of an exception in the words of a finding."""
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
 NOT_RUN: Final = "the audit ended before its reproducer was run"
 UNSTABLE: Final = "its reproducer fails without the trigger too: the same play differs by itself"
@@ -65,6 +68,7 @@ class Confirmation:
     until_s: float | None
     _seen: dict[str, bool] = field(default_factory=dict)
     _raised: dict[str, str] = field(default_factory=dict)
+    _told: dict[str, str] = field(default_factory=dict)
 
     @property
     def is_over(self) -> bool:
@@ -111,8 +115,8 @@ class Confirmation:
             if limit_s < LIMIT_S and self.is_over:
                 raise TimeUpError
             ends = [each.result() for each in running]
-            self._raised[program] = ends[0][1]
-            yield [end for end, _ in ends]
+            _, self._raised[program], self._told[program] = ends[0]
+            yield [end for end, _, _ in ends]
 
     def raised(self, findings: Iterable[Finding]) -> str:
         """The one exception, of a line of the environment's, in all their programs; else empty."""
@@ -131,6 +135,7 @@ class Confirmation:
             if again[0] == again[1]:
                 (failed, tried), finding = again, replace(finding, reproducer=each.whole)
         is_shown = failed == tried
+        finding = self._as_shown(finding) if is_shown else finding
         at = self._raised.get(finding.reproducer, "").partition(" ")[0] if is_shown else ""
         if at and at not in finding.actual:
             finding = replace(finding, actual=f"{finding.actual} (raised at {at})")
@@ -138,19 +143,32 @@ class Confirmation:
             unchanged = is_shown = self.passes(each.unchanged)
         return finding, Reproduced(failed, tried, unchanged), is_shown
 
+    def _as_shown(self, finding: Finding) -> Finding:
+        """The finding with the exception that its program shows in place of another one."""
+        program = finding.reproducer
+        told = self._told.get(program, "")
+        kinds = EXCEPTION.findall(finding.actual)
+        if not told or not kinds or told.partition(":")[0] in kinds:
+            return finding
+        text = program.replace(f"# actual: {finding.actual}\n", f"# actual: {told}\n", 1)
+        self._raised[text] = self._raised[program]
+        return replace(finding, actual=told, reproducer=text)
 
-def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, str]:
+
+def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, str, str]:
     """End of a program in a process of its own; failed: by what its environment does.
 
-    With it the exception and its line, where no line of the program itself raised it.
+    With it the exception and its line, where no line of the program itself raised it, and the
+    environment's exception that it shows.
     """
     outcome = worker.run(TASK, {"program": program}, silence_s=None, limit_s=limit_s)
     if not isinstance(outcome.value, dict):
-        return ("failed" if outcome.status in ("died", "hung") else "not run"), ""
+        return ("failed" if outcome.status in ("died", "hung") else "not run"), "", ""
     raised, text, at = (outcome.value[name] for name in ("raised", "text", "at"))
     if raised is None:
-        return "passed", ""
-    return ("not run" if raised in NOT_SHOWN else "failed"), at and f"{at} {raised}: {text}"
+        return "passed", "", ""
+    end: ProgramEnd = "not run" if raised in NOT_SHOWN else "failed"
+    return end, at and f"{at} {raised}: {text}", " ".join(outcome.value["told"].split())
 
 
 def confirmed(

@@ -30,7 +30,8 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "order": "no round had two agents, or it isn't known whether moves are made together",
     "observe": "too few comparisons of what later agents of a round observe, or no observation of "
     "the step that makes a move shows it",
-    "conflicts": "too few moves changed another agent of their role, or draws blur it",
+    "conflicts": "too few moves changed another agent's reward of the tick and the reverse, which "
+    "tells a joint rule from a fixed order of names, or draws blur it",
     "legality": "too few comparisons of masks of other agents",
     "messages": "too few comparisons of what replaced moves change",
     "deterministic": "no rerun of an instance that plays the same again once used",
@@ -59,12 +60,14 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     turn_order = turns.order_of_turns(shapes, [fact.value for fact in moves])
     play_order = _play_order(api, advised, turn_order, shapes)
     settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
-    by_role = roles_of(contract, evidence)
+    by_role, paid = roles_of(contract, evidence), payments(traces, api)
+    # one reward for all is changed by every move: it doesn't show whose move came first
+    is_joint = not paid.get("shared") and trials.contests(moves) >= roles.ALIKE
     found = {
         "stages": turns.stages(shapes, by_role, play_order),
         "order": play_order,
         "observe": _observe(api, within, moves),
-        "conflicts": _conflicts(api, advised, priority, order, play_order),
+        "conflicts": _conflicts(api, advised, priority, order, is_joint=is_joint),
         "legality": trials.legality(moves),
         "messages": trials.messages(moves),
         "order_sensitive": order.get("result"),
@@ -81,7 +84,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
             },
             _first_comes(within, ranked, play_order),
         ),
-        "reward": {**payments(traces, api), "pairs": trials.pairs(moves)},
+        "reward": {**paid, "pairs": trials.pairs(moves)},
         "endings": {**form.endings(traces, api), "kinds": comings.kinds_of_endings(shapes)},
         "may_join": comings.joined(shapes) if shapes else None,
         "may_leave": comings.left(shapes) if shapes else None,
@@ -148,17 +151,15 @@ def _observe(api: str, within: Mapping[str, trials.Within], moves: trials.Trials
 
 
 def _conflicts(
-    api: str,
-    advised: FormAdvice,
-    priority: str | None,
-    order: Mapping[str, Any],
-    play_order: str | None,
+    api: str, advised: FormAdvice, priority: str | None, order: Mapping[str, Any], *, is_joint: bool
 ) -> str | None:
+    """The rule for conflicts; a joint one where agents took from each other, or nothing at all."""
     if api == "parallel":
         if order.get("result") == "outcome":
             return "priority"
         words = {"roster": "priority", "random": "random", "unclear": None, "noisy": None}
-        return words.get(priority or "", "joint rule" if advised.api else None)
+        is_shown = advised.api == "either" or (advised.api == "parallel" and is_joint)
+        return words.get(priority or "", "joint rule" if is_shown else None)
     if advised.api == "aec":
         return "ordered"
     return "joint rule" if advised.api else None

@@ -15,7 +15,8 @@ def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
 
     Returns:
         `raised`: name of the exception's class, None where the program came to its end; `text`: its
-        message; `at`: file and line that raised it, empty where that is the program's own.
+        message; `at`: file and line that raised it, empty where that is the program's own; `told`:
+        the exception of the environment's that it shows, caught or not, empty where there is none.
     """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):  # what it prints, five times over, is of no use to anybody
@@ -33,5 +34,9 @@ def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
             at = at.tb_next
         file = FILE if at is None else at.tb_frame.f_code.co_filename
         place = "" if at is None or file == FILE else f"{file}:{at.tb_lineno}"
-        return {"raised": type(error).__name__, "text": str(error)[:500], "at": place}
-    return {"raised": None, "text": "", "at": ""}
+        name, text = type(error).__name__, str(error)[:500]
+        shown = error.args[0] if error.args and not place else None  # of `assert error is None`
+        told = f"{type(shown).__name__}: {text}" if isinstance(shown, BaseException) else ""
+        told = f"{name}: {text}" if place else told
+        return {"raised": name, "text": text, "at": place, "told": told}
+    return {"raised": None, "text": "", "at": "", "told": ""}

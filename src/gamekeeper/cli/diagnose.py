@@ -186,8 +186,8 @@ def command(
     taken over one at a time, then in ever smaller sets; no knob is needed.
 
     Exit code 0: a cause is named, or the run fails no more often than chance allows. 1: a policy
-    raised in new episodes. 2: no answer, or new episodes contradict the recorded ones; the reason
-    is printed.
+    raised in new episodes. 2: no answer, or new episodes contradict the recorded ones and no
+    change of them shows a cause; the reason is printed.
 
     Example: gamekeeper diagnose runs/warehouse-1 --failed "return < 3"
     """
@@ -225,6 +225,8 @@ def command(
         )
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
     screen.show(_text(found.to_json(), screen.width, folder if all_ else None))
+    if outside := outside_space(run, screen.width):
+        screen.show(outside)
     _save(screen, found, run, save_case, condition)
     return CommandResult(found.to_json(), diagnosis_code(found))
 
@@ -243,6 +245,16 @@ def _text(document: dict[str, Any], width: int, folder: Path | None) -> str:
         return diagnosis_screen(document, width=width)
     runs = f"\n\nRecordings  {folder / 'runs'}" if document["runs"] else ""
     return diagnosis_text(document, width=width) + runs
+
+
+def outside_space(run: Path, width: int) -> str:
+    """Recorded actions that are NaN or out of their space, by agent; empty where there are none."""
+    from gamekeeper.auditing.recorded import outside_actions
+    from gamekeeper.reporting.audit_text import outside_text
+    from gamekeeper.runs.load_run import load
+
+    text = outside_text(outside_actions(load(run)), width=width, of_audit=False)
+    return f"\n{text}" if text else ""
 
 
 def only_condition(conditions: list[str] | None) -> str | None:
@@ -273,7 +285,9 @@ def diagnosis_code(found: Diagnosis) -> int:
     is_failing = any(each.success[2] < found.expected for each in answers)
     if found.differences is not None:
         return 0 if found.differences.least else 2
-    return 2 if found.contradictions or (is_failing and not found.has_cause) else 0
+    if found.contradictions:  # what evidence alone says is no cause then
+        return 0 if found.has_shown_cause else 2
+    return 2 if is_failing and not found.has_cause else 0
 
 
 def _save(screen: Screen, found: Any, run: Path, path: Path | None, failed: str | None) -> None:

@@ -18,6 +18,7 @@ from gamekeeper.diagnosis.judgement import (
 )
 from gamekeeper.diagnosis.played_setup import SetupTraits
 from gamekeeper.diagnosis.trials import (
+    CARRIED,
     CUT_OFF,
     EVERYBODY,
     MEMORY,
@@ -83,7 +84,7 @@ def agent_answer(
 def _helps_alone(one: Tried, concerned: Collection[str]) -> bool:
     """An ideal substitute of other agents than those concerned helps beyond chance."""
     parts = one.substitute.component.split(" + ")
-    is_ideal = one.substitute.undo is None and not {MEMORY, CUT_OFF} & {*parts}
+    is_ideal = one.substitute.undo is None and not {MEMORY, CARRIED, CUT_OFF} & {*parts}
     is_own = bool(one.substitute.agents) and not set(one.substitute.agents) & set(concerned)
     return is_ideal and is_own and one.effect.low > 0 and one.p < ALPHA
 
@@ -151,7 +152,7 @@ def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
 
 def _kind(substitute: IdealSubstitute) -> str:
     """The kind of a substitute: an undo from outside, a swapped policy, or an ideal."""
-    if substitute.undo is not None:
+    if substitute.undo is not None or substitute.component == CARRIED:
         return "undo"
     is_swap = substitute.component == POLICY and substitute.steps[0][3] != REFERENCE
     return "swap" if is_swap else "ideal"

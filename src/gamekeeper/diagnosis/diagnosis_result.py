@@ -243,6 +243,16 @@ class Diagnosis:
         everybody = [*self.agents.values(), *([self.team] if self.team else [])]
         return any(each.answer in CAUSES for each in everybody)
 
+    @property
+    def has_shown_cause(self) -> bool:
+        """A cause is named by a change that restores success, beyond chance."""
+        everybody = [*self.agents.values(), *([self.team] if self.team else [])]
+        return any(
+            each.answer in CAUSES and test.restores and test.intervention in each.substitutes
+            for each in everybody
+            for test in each.tested
+        )
+
     def since(self, answer: AgentDiagnosis) -> dict[str, int] | None:
         """The first episode that what an answer names restores, and the turn of its divergence."""
         for each in self.counterfactuals:

@@ -77,6 +77,7 @@ class Experiment:
         confirmed: names of the arms that the answers are given on.
         skipped: the ideal substitutes that the budget didn't reach.
         not_played: what the budget didn't reach, in words.
+        renewals: fresh objects of policies in each episode, tried among the undos.
         undos: undos from outside, and policies of peers, that are confirmed.
         dropped: number of those that the search dropped.
         idle: number of memory resets that the search dropped.
@@ -99,6 +100,7 @@ class Experiment:
     fingerprint: str
     budget: int | None = None
     confirm: int = CONFIRM
+    renewals: Sequence[IdealSubstitute] = ()
     pairs: list[IdealSubstitute] = field(default_factory=list)
     least: set[str] = field(default_factory=set)
     groups: dict[str, IdealSubstitute] = field(default_factory=dict)

@@ -41,7 +41,12 @@ from gamekeeper.diagnosis.played_setup import (
 )
 from gamekeeper.diagnosis.raised_policies import RaisedPolicy
 from gamekeeper.diagnosis.recorded_course import check_last
-from gamekeeper.diagnosis.trials import PerturbationArm, perturbations_of, substitutes_of
+from gamekeeper.diagnosis.trials import (
+    PerturbationArm,
+    perturbations_of,
+    renewals_of,
+    substitutes_of,
+)
 from gamekeeper.diagnosis.undo_search import try_undos
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -191,6 +196,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             options.seed,
             evidence.fingerprint,
             budget=options.budget,
+            renewals=tuple(renewals_of(setup, seen)),
         )
         with runner, noted_if_interrupted(lambda: _known(experiment, options)):
             experiment.run()

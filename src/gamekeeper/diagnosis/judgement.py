@@ -192,7 +192,8 @@ def _why_none(
         ideals = [one for one in arms if one.undo is None]
         begin = "no ideal substitute restores success, nor does any" if ideals else "none"
         end = ", each alone" if ideals else " restores success alone"
-        return f"{begin} of {count} undos from outside, memory resets and policies of peers{end}"
+        what = "undos from outside, memory resets, fresh objects and policies of peers"
+        return f"{begin} of {count} {what}{end}"
     if skipped:
         played = f"none of {len(arms)} that were played restores success" if arms else "none was"
         return f"the {limit} was reached before every ideal substitute was played, and {played}"

@@ -45,6 +45,7 @@ class Setup:
         settings: attributes of policies, by agent and name.
         layers: attributes of wrappers of the environment, by name.
         forgets: agents whose policy's memory is reset before each of its decisions.
+        renews: agents whose policy's object is a fresh one in each episode.
         most_turns: episodes are cut there.
         change: what a rerun does otherwise.
         undo: stands between the game and the policies of some agents.
@@ -58,6 +59,7 @@ class Setup:
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     layers: Mapping[str, Any] = field(default_factory=dict)
     forgets: tuple[str, ...] = ()
+    renews: tuple[str, ...] = ()
     most_turns: int = MOST_TURNS
     change: Intervention | None = None
     undo: BoundaryUndo | None = None
@@ -92,6 +94,7 @@ class Setup:
             "given": text,
             "policies": dict(self.policies),
             "forgets": list(self.forgets),
+            "renews": list(self.renews),
             "most_turns": self.most_turns,
             "change": None if self.change is None else self.change.to_json(),
             "undo": None if self.undo is None else self.undo.to_json(),
@@ -111,6 +114,7 @@ class Setup:
             settings=settings,
             layers=layers,
             forgets=tuple(data["forgets"]),
+            renews=tuple(data["renews"]),
             most_turns=data["most_turns"],
             change=None if change is None else Intervention.from_json(change),
             undo=None if undo is None else BoundaryUndo.from_json(undo),
@@ -294,11 +298,14 @@ class OpenSetup:
         self.opened = open_env(setup.spec, **setup.kwargs)
         self.env: Any = self.opened.env
         self._undo: list[Callable[[], None]] = []
+        self._renew: Callable[[], None] | None = None
         try:
             self.cast: Any = cast_of(dict(setup.policies), self.env, contract)
             agents = list(getattr(self.env, "possible_agents", ()))
             self.described = to_json(self.cast.described(agents))
             self._set()
+            if setup.renews:
+                self._renew = self.cast.renewer(setup.renews)
             if setup.forgets:
                 self.cast = _Forgetful(self.cast, setup.forgets)
             if setup.undo is not None:
@@ -358,6 +365,8 @@ class OpenSetup:
         return played_identity(self.opened, self.described, self.setup.options)
 
     def _play(self, run_seed: int, episode: int) -> EpisodePlan:
+        if self._renew is not None:
+            self._renew()
         options = self.setup.options
         return EpisodePlan(
             seed=episode_seed(run_seed, episode),
@@ -398,6 +407,7 @@ class SetupTraits:
             plays.
         layers: values of wrappers' attributes that knobs name.
         resettable: the agents of each object that has a memory that can be reset.
+        renewable: the agents of each object that can be copied.
         ways: policies that the environment brings, by name.
         unfit: by change and agent, why a perturbation can't be tried.
         cuts: arguments by which the environment cuts episodes off, where every failed one was.
@@ -408,6 +418,7 @@ class SetupTraits:
     settings: Mapping[tuple[str, ...], Mapping[str, Any]] = field(default_factory=dict)
     layers: Mapping[str, Any] = field(default_factory=dict)
     resettable: tuple[tuple[str, ...], ...] = ()
+    renewable: tuple[tuple[str, ...], ...] = ()
     ways: tuple[str, ...] = ()
     unfit: Mapping[tuple[str, str], str] = field(default_factory=dict)
     cuts: Mapping[str, int] = field(default_factory=dict)
@@ -444,8 +455,16 @@ def traits_of(stage: OpenSetup, perturbations: Mapping[str, type[Intervention]])
     resettable = [
         sharers for sharers, policy in policies.items() if callable(getattr(policy, "reset", None))
     ]
+    renewable = [sharers for sharers in policies if stage.cast.is_renewed(sharers[0])]
     return SetupTraits(
-        tuple(agents), REFERENCE in ways, settings, layers, tuple(resettable), ways, unfit
+        tuple(agents),
+        REFERENCE in ways,
+        settings,
+        layers,
+        tuple(resettable),
+        tuple(renewable),
+        ways,
+        unfit,
     )
 
 

@@ -17,7 +17,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import Opened, open_env, reopen
 from gamekeeper.interface.recorded_env import capture_of
-from gamekeeper.rollouts.episode_loop import Actions, EpisodeLoop, EpisodePlan
+from gamekeeper.rollouts.episode_loop import Actions, EpisodeLoop, EpisodePlan, perform
 from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.reruns import play_of, shrink
 from gamekeeper.rollouts.tally import tally
@@ -104,6 +104,7 @@ def shrunk(
         search = _Search(evidence, episode, declared, failed, scope, opened.env)
         search.on_message = on_message
         play = shrink(search.play, search.still, plain=search.noops)
+        play = perform(play, opened.env, contract=declared).play  # with all actions on paper
         found = search.result(play, episode)
         if out is not None:
             _keep(opened, play, Path(out), declared)

@@ -9,6 +9,7 @@ import contextlib
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any, Final, Literal
 
 from gamekeeper.contract import Contract
@@ -27,6 +28,10 @@ PERCEPTION, ESTIMATION, PLANNING, CONTROL, TIMING, DATA, EVALUATION = LABELS
 EVERYBODY: Final = "*"
 POLICY: Final = "policy"
 MEMORY: Final = "memory"
+CARRIED: Final = "carried over"
+"""Component of what a policy's object keeps over its own reset, into later episodes."""
+MOST_RENEWED: Final = 5
+"""Objects of policies up to which two are renewed together."""
 PEERS: Final = 2
 """Policies of others of its role that are tried in an agent's place."""
 ENVIRONMENT: Final = "environment"
@@ -36,7 +41,7 @@ LONGER: Final = 4
 CUT_OFF: Final = "cut-off"
 PIXELS: Final = 255.0
 """A factor of an observation that is one of units, of pixels."""
-COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
+COMPONENTS: Final = (*LABELS, POLICY, MEMORY, CARRIED, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
 """Components that are made ideal: a label where one boundary is touched; a whole policy, and all
 that it keeps between turns, have none, as several of their parts could be at fault."""
 
@@ -134,6 +139,7 @@ class IdealSubstitute:
         words = {
             POLICY: f"{whose}{'policy' if is_one else 'policies'}",
             MEMORY: f"something that {names} keep{'s' if is_one else ''} between turns",
+            CARRIED: f"something that {names} keep{'s' if is_one else ''} from episode to episode",
             DRAWS: f"what {names} draw{'s' if is_one else ''}",
         }
         parts = self.component.split(" + ")
@@ -311,6 +317,28 @@ def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterato
             yield joined(swaps, f"giving {names} {peer}'s policy")
 
 
+def renewals_of(setup: Setup, traits: SetupTraits) -> Iterator[IdealSubstitute]:
+    """A fresh object of each policy in every episode, then of two: call it before any was played.
+
+    What a policy's own `reset` doesn't clear is gone with the object.
+    """
+    given = None
+    if not all(isinstance(policy, str) for policy in setup.policies.values()):
+        try:
+            given = copy.deepcopy(dict(setup.policies))
+        except Exception:  # foreign code; what can't be copied isn't tried
+            return
+    found = []
+    for sharers in traits.renewable:
+        name = f"playing each episode with a fresh object of {joined_names(sharers)}'s policy"
+        steps = tuple(("renews", agent, "", given) for agent in sharers)
+        found.append(IdealSubstitute(name, CARRIED, sharers, steps))
+    yield from found
+    for two in combinations(found, 2) if len(found) <= MOST_RENEWED else ():
+        names = joined_names([agent for one in two for agent in one.agents])
+        yield joined(two, f"playing each episode with fresh objects of {names}'s policies")
+
+
 def _swap(agent: str, shown: str, policy: Any) -> IdealSubstitute:
     step = ("policies", agent, "", policy)
     return IdealSubstitute(f"giving {agent} {shown}", POLICY, (agent,), (step,))
@@ -401,7 +429,8 @@ def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitu
     A cut-off that comes later makes up for anything that is slow, the default one among them.
     """
     everything = frozenset(one.name for one in substitutes)
-    undos = [one for one in substitutes if one.undo is not None or one.component == MEMORY]
+    within_policies = (MEMORY, CARRIED)
+    undos = [o for o in substitutes if o.undo is not None or o.component in within_policies]
     for one in substitutes:
         if one.cut_off in ("default", "later"):
             later = {each.name for each in substitutes if each.cut_off == "later"}
@@ -437,6 +466,10 @@ def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setu
         return replace(setup, settings={**setup.settings, whom: mine})
     if where == "policies":
         return setup.with_policy(whom, value)
+    if where == "renews":
+        if value is not None:  # a copy: who isn't renewed is played
+            setup = replace(setup, policies=copy.deepcopy(value))
+        return replace(setup, renews=(*setup.renews, whom))
     if where == "forgets":
         return replace(setup, forgets=(*setup.forgets, whom))
     if where == "undo":

@@ -97,7 +97,8 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         undone(undo, undos, between(undo, channels, axes), is_either=undo in either)
         for undo in undos
     ]
-    candidates = [*experiment.undos, *touched]
+    renewals = [one for one in experiment.renewals if set(one.agents) & {*agents}]
+    candidates = [*experiment.undos, *renewals, *touched]
     search(experiment, candidates, failing, scopes)
     return responses
 
@@ -197,6 +198,7 @@ def search(
         rivals += [one for one in kept[cap:] if ranked[one] >= RIVAL]
         pool = kept[:cap]
     pool += _beside(experiment, pool, rivals)
+    pool = _with_parts(experiment, pool)
     experiment.dropped = len(experiment.undos) - len(pool)
     experiment.undos = pool
     named = {(one.component, one.agents) for one in pool}
@@ -226,6 +228,19 @@ def _beside(
     found = [one for one in rivals if one.component == POLICY and one.agents in whose]
     has_room = experiment.left - ASIDE >= experiment.confirm * (len(pool) + 1)
     return found[:1] if has_room and not any(one.component == POLICY for one in pool) else []
+
+
+def _with_parts(experiment: Experiment, pool: Sequence[IdealSubstitute]) -> list[IdealSubstitute]:
+    """The same, with each of two fresh objects alone: both are joint only where neither restores.
+
+    Two of which that can't be afforded aren't confirmed.
+    """
+    renewed = {part for one in experiment.renewals for part in one.parts}
+    parts = [part for one in pool for part in one.parts if part in renewed]
+    parts = [part for part in dict.fromkeys(parts) if part not in pool]
+    if experiment.confirm * (len(pool) + len(parts)) <= experiment.left - ASIDE:
+        return [*pool, *parts]
+    return [one for one in pool if not {*one.parts} & {*parts}]
 
 
 def _other_boundaries(

@@ -389,6 +389,38 @@ class JointPolicy:
         players = seats or [self._playing[agent]]
         return found + [players[at % len(players)](observation, info) for at in range(times - 1)]
 
+    def renewer(self, agents: Iterable[Any]) -> Callable[[], None]:
+        """Copies the objects that play agents as they are now; puts copies in place when called.
+
+        Objects that aren't copied for agents of their own stay as they are.
+        """
+        kept: list[tuple[dict[str, Chosen], list[str], Chosen]] = []
+        names = {agent_name(agent) for agent in agents}
+        for agent in sorted(names):
+            place, one = self._place_of(agent), self.chosen_for(agent)
+            copied = _copied(one) if self.is_renewed(agent) else None
+            if copied is not None and self._has_own(place, agent):
+                kept.append((self._own, [agent], copied))
+            elif copied is not None:
+                places = [whom for whom, x in self._chosen.items() if x.policy is one.policy]
+                kept.append((self._chosen, places, copied))
+
+        def renew() -> None:
+            for table, places, copied in kept:
+                policy = copy.deepcopy(copied.policy)
+                for whom in places:
+                    table[whom] = replace(table[whom], policy=policy)
+                    if table is self._chosen and whom in self._resets:
+                        self._resets[whom] = table[whom]
+            self._starts = {a: x for a, x in self._starts.items() if agent_name(a) not in names}
+
+        return renew
+
+    def is_renewed(self, agent: Any) -> bool:
+        """Tells whether the object that plays an agent can be copied, and may keep something."""
+        one = self.chosen_for(agent)
+        return _is_copied(one.name, one)
+
     def described(self, agents: Iterable[Any]) -> dict[str, dict[str, Any]]:
         """Describes the policies by agent, as evidence keeps them.
 

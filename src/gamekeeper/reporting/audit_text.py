@@ -138,13 +138,19 @@ def masked_text(masked: Mapping[str, tuple[int, int]], *, width: int) -> str:
     return _section("Actions that their mask forbids (of the policies)", rows, width)
 
 
-def outside_text(outside: Mapping[str, tuple[int, int, str]], *, width: int) -> str:
-    """Actions out of their space, by agent; empty where there are none."""
+def outside_text(
+    outside: Mapping[str, tuple[int, int, str]], *, width: int, of_audit: bool = True
+) -> str:
+    """Actions out of their space, by agent; empty where there are none.
+
+    Args:
+        of_audit: the text is of an audit, which judges no episode with such an action.
+    """
     rows = [
         (name, _short(f"{count:,} of {of:,}. First at {place}"))
         for name, (count, of, place) in outside.items()
     ]
-    if rows:
+    if rows and of_audit:
         rows.append(("", "(episodes with such an action aren't judged)"))
     return _section("Actions out of their space (of the policies)", rows, width)
 

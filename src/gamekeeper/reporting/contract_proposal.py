@@ -40,7 +40,6 @@ WHY: Final = {
 OPTIONAL: Final = frozenset({"why", "mask", "illegal", "horizon"})
 """Keys that aren't asked: without them masks are looked for in the usual places, and no episode is
 truncated."""
-JOINT: Final = "joint rule"
 TERM: Final = ('kind = "individual"', 'earner = "ROLE"', 'payee = "earner"')
 
 
@@ -114,9 +113,6 @@ def _left(question: Question, measured: Measured) -> Question | None:
         if isinstance(found, Mapping) and isinstance(found.get("seems"), bool):
             value = value_text(found["seems"])
             return replace(question, ask=f"measured: {words(found)}", hint="", measured=value)
-    if (path, measured.get("order_sensitive")) == (("schedule", "conflicts"), "none"):
-        ask = "measured: another order of the action dictionary changed nothing"
-        return replace(question, ask=ask, hint="", measured=question.measured or value_text(JOINT))
     if question.measured:
         evidence = _evidence(path, measured)
         return replace(question, ask=f"measured: {evidence}", hint="")

@@ -116,6 +116,8 @@ class EpisodePlan:
         looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
         opening: states of generators and attributes, as a run has them; None: seed and options are
             all.
+        stand_ins: actions of live agents that a tick on paper leaves out, as in a play that was
+            shortened; those of ended agents are dropped then. None: a tick is played as it is.
     """
 
     seed: int | None = 0
@@ -125,6 +127,7 @@ class EpisodePlan:
     options: Mapping[str, Any] | None = None
     looks_last: bool = True
     opening: str | None = None
+    stand_ins: Actions | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +239,8 @@ def perform(
         change=None if change is None else change.to_json(),
     )
     trace.keep_turns()
-    done = replace(play, actions=tuple(course.taken), most_turns=max(len(course.taken), 1))
+    taken = tuple(course.taken)
+    done = replace(play, actions=taken, most_turns=max(len(taken), 1), stand_ins=None)
     return EpisodeResult(done, trace, failed, failed is None and trace.header.get("end") == "ended")
 
 
@@ -352,7 +356,10 @@ class EpisodeLoop:
             for agent in movers:
                 self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
         if self._play.actions is not None:
-            paper = self._play.actions[turn]
+            paper, stand_ins = self._play.actions[turn], self._play.stand_ins
+            if stand_ins is not None and paper.keys() != set(movers):
+                known = {**stand_ins, **paper}
+                paper = {agent: known[agent] for agent in movers if agent in known}
             return {agent: own_action(paper[agent]) for agent in paper}
         return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
 

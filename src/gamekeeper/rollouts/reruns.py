@@ -198,8 +198,9 @@ def shrink(
 ) -> EpisodePlan:
     """The shortest play found that `still` shows it; the play itself where nothing shorter does.
 
-    First the tail goes, then turns in between, then actions become plain ones. `still` is asked as
-    long as it answers; whoever has had enough answers no.
+    First the tail goes, then turns in between, then actions become plain ones. A live agent whose
+    action went with its turn takes a plain one, else its first, as `stand_ins` of the play say.
+    `still` is asked as long as it answers; whoever has had enough answers no.
 
     Args:
         play: has its actions on paper and shows it.
@@ -208,11 +209,19 @@ def shrink(
     """
     if play.actions is None:
         return play
-    if turns is not None and turns < len(play.actions):
-        cut = _with(play, play.actions[:turns])
+    actions = play.actions
+    play = replace(play, stand_ins={**_first_actions(actions), **(plain or {})})
+    if turns is not None and turns < len(actions):
+        cut = _with(play, actions[:turns])
         play = cut if still(cut) else play
-    play = _without_turns(play, still)
-    return _plainer(play, still, plain or {})
+    return _plainer(_without_turns(play, still), still, plain or {})
+
+
+def _first_actions(turns: Iterable[Actions]) -> dict[Any, Any]:
+    found: dict[Any, Any] = {}
+    for turn in turns:
+        found = {**turn, **found}
+    return found
 
 
 def _with(play: EpisodePlan, actions: tuple[Actions, ...]) -> EpisodePlan:

@@ -230,22 +230,36 @@ def _one_way(trials: Trials) -> Iterator[tuple[Fact[MoveTrial], MoveLook]]:
 
 def one_way_pairs(trials: Trials) -> list[tuple[str, str]]:
     """Pairs of a role of which, in one round, one's move changed the other's reward alone."""
-    rounds: dict[tuple[int, int], dict[str, set[str]]] = {}
-    for fact in trials:
-        trial = fact.value
-        reached = {
-            look.target
-            for look in trial.looks
-            if look.on == "reward" and look.lag == 0 and look.is_changed
-        }
-        rounds.setdefault((fact.where.play, trial.round), {})[trial.agent] = reached
     return [
         (one, two)
-        for tried in rounds.values()
+        for tried in _paid_at_once(trials)
         for one, reached in tried.items()
         for two in sorted(reached)
         if two != one and two in tried and one not in tried[two] and role(one) == role(two)
     ]
+
+
+def contests(trials: Trials) -> int:
+    """Number of pairs of which, in one round, each one's move changed the other's reward."""
+    return sum(
+        one < two and one in tried.get(two, ())
+        for tried in _paid_at_once(trials)
+        for one, reached in tried.items()
+        for two in reached
+    )
+
+
+def _paid_at_once(trials: Trials) -> list[dict[str, set[str]]]:
+    """By round and agent, whose rewards of that round its move changed."""
+    rounds: dict[tuple[int, int], dict[str, set[str]]] = {}
+    for fact in trials:
+        trial = fact.value
+        rounds.setdefault((fact.where.play, trial.round), {})[trial.agent] = {
+            look.target
+            for look in trial.looks
+            if look.on == "reward" and look.lag == 0 and look.is_changed
+        }
+    return list(rounds.values())
 
 
 def _all(trials: Iterable[Fact[MoveTrial]]) -> Iterator[tuple[MoveTrial, MoveLook]]:

@@ -65,11 +65,12 @@ def kept(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     for name, count in shelf.looks.items():
         changed = shelf.changed.get(name)
         turn, agent = (None, None) if changed is None else (changed.seen, changed.agent)
-        value = KeptValues(looks=count, changed=changed)
-        yield lab.fact(value, turn=turn, agent=agent, field=name)
+        kept_values = KeptValues(looks=count, changed=changed)
+        yield lab.fact(kept_values, turn=turn, agent=agent, field=name)
     for name, count in shelf.pairs.items():
         turn, pair = shelf.shared.get(name, (None, None))
-        yield lab.fact(SharedValues(looks=count, pair=pair), turn=turn, field=name)
+        value = SharedValues(looks=count, shared=shelf.alike.get(name, 0), pair=pair)
+        yield lab.fact(value, turn=turn, field=name)
 
 
 @dataclass(slots=True)
@@ -80,6 +81,7 @@ class HeldValues:
     looks: dict[str, int] = field(default_factory=dict)
     changed: dict[str, ChangedValue] = field(default_factory=dict)
     pairs: dict[str, int] = field(default_factory=dict)
+    alike: dict[str, int] = field(default_factory=dict)
     shared: dict[str, tuple[int, tuple[Any, Any]]] = field(default_factory=dict)
     has_state: bool = True
     _things: deque[tuple[int, str, Any, Callable[[], bool]]] = field(default_factory=deque)
@@ -108,8 +110,9 @@ class HeldValues:
             for place, (one, mine) in enumerate(items):
                 for other, theirs in items[place + 1 : place + 1 + NEIGHBOURS]:
                     self.pairs[name] = self.pairs.get(name, 0) + 1
-                    if name not in self.shared and _is_one(mine, theirs):
-                        self.shared[name] = turn, (one, other)
+                    if _is_one(mine, theirs):
+                        self.alike[name] = self.alike.get(name, 0) + 1
+                        self.shared.setdefault(name, (turn, (one, other)))
 
 
 def _asking(value: Any, name: str, agent: Any) -> Callable[[], bool]:

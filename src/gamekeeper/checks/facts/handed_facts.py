@@ -55,10 +55,12 @@ class SharedValues:
 
     Attributes:
         looks: at pairs.
-        pair: the first two that were given the same memory.
+        shared: pairs that were given the same memory.
+        pair: the first of them.
     """
 
     looks: int
+    shared: int
     pair: tuple[Any, Any] | None
 
 

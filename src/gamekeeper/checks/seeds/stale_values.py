@@ -56,17 +56,19 @@ def apart_cases(evidence: ProbeEvidence, field: str) -> Iterator[Case]:
     """Yields a case for every pair of agents whose memory was compared."""
     for fact in _of(evidence, SharedValues, field):
         pair = fact.value.pair
-        for _ in range(fact.value.looks - (pair is not None)):
+        for _ in range(fact.value.looks - fact.value.shared):
             yield Case(fact.where, True)
         if pair is not None:
             one, other = pair
-            yield Case(
-                fact.where,
-                False,
-                "memory of its own for each agent",
-                f"{one!r} and {other!r} were given the same",
-                proof=_apart_proof(evidence.api, field, one, other),
-            )
+            yield from [
+                Case(
+                    fact.where,
+                    False,
+                    "memory of its own for each agent",
+                    f"{one!r} and {other!r} were given the same",
+                    proof=_apart_proof(evidence.api, field, one, other),
+                )
+            ] * fact.value.shared
 
 
 def _kept_proof(api: str, field: str) -> Reproducer:
