@@ -130,7 +130,7 @@ def _outcome(run: ShownRun) -> Answer | None:
     if all(each is None for each in run.failed):
         return _paid(run)
     bad = [k for k, each in enumerate(run.failed) if each]
-    text = f"{failed_text(run.failed)} ({run.condition})."
+    text = f"{failed_text(run.failed)} (failed if {run.condition})."
     if not bad:
         return Answer("Outcome", text, "passed", "passed")
     return Answer(

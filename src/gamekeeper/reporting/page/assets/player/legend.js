@@ -5,7 +5,7 @@ const KEYS = [
   ["key-idle", "lower bar pale: it did “nothing”"],
   ["key-gain", "grey bar up: reward above 0"],
   ["key-loss", "red bar down: reward below 0"],
-  ["key-cumulative", "dash: cumulative reward"],
+  ["key-cumulative", "dash: reward since its last turn"],
   ["key-ended", "the agent terminated (open square: truncated)"],
   ["key-cursor", "the turn on show"],
 ];

@@ -19,7 +19,7 @@ const maskText = (mask) => {
 const COLUMNS = [
   { field: "action", title: "action", note: "the action, its number in brackets", long: true },
   { field: "paid", title: "reward", note: "the reward of this turn", number: true },
-  { field: "cumulative_reward", title: "cumulative reward", note: "the cumulative reward before the action, as last() returns it", number: true },
+  { field: "cumulative_reward", title: "reward since last turn", note: "the cumulative reward before the action, as last() returns it: of the steps since the agent's last turn", number: true },
   { field: "total", title: "return so far", note: "sum of the rewards up to this turn", number: true },
   { field: "ended", title: "ended", note: "terminated or truncated, by its flags" },
   { field: "mask", title: "legal", note: "the actions that the mask allows", long: true },
