@@ -122,7 +122,7 @@ def test_draft_asks_little_and_says_why(
     assert all(each["why"] for each in asked)
     keys = {each["key"] for each in asked}
     assert {"rewards.TERM", "endings.REASON", "failure.team"} <= keys
-    assert not keys & {"why", "schedule.order", "schedule.conflicts", "schedule.horizon"}
+    assert not keys & {"why", "schedule.order", "schedule.horizon"}
     code, out, _ = said(capfd, "contract", ROUGH, "--draft")
     assert code == 0
     assert '# why = ""\n' in out  # the reason is the author's own

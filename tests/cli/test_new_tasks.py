@@ -63,7 +63,7 @@ def test_new_task_is_measured_as_it_was_answered(
     }
     seen = {key: measured[key] for key in answers if measured[key] is not None}
     assert seen == {key: answers[key] for key in seen}
-    assert {"order", "observe", "conflicts", "advice"} <= set(seen)
+    assert {"order", "observe", "advice"} <= set(seen)
     kinds = {term.kind for term in contract.rewards.values()}
     assert "shared" in kinds or not measured["reward"]["shared"]
     assert "zero-sum" in kinds or not measured["reward"]["zero_sum"]

@@ -195,8 +195,8 @@ def test_evaluate_refuses_to_lose_results(tmp_path: Path) -> None:
     before = (tmp_path / "e" / "evaluation.json").read_bytes()
     one = {name: BOTH[name] for name in list(BOTH)[:1]}
     for changed, said in (
-        ({"policies": BOTH, "episodes": 4, "seed": 1}, "seed 0, now 1"),
-        ({"policies": BOTH, "episodes": 3}, "4 episodes, now 3"),
+        ({"policies": BOTH, "episodes": 4, "seed": 1}, "seed 0 there, 1 asked for"),
+        ({"policies": BOTH, "episodes": 3}, "4 episodes there, 3 asked for"),
         ({"policies": one, "episodes": 4}, "now without it"),
         ({"policies": dict.fromkeys(BOTH, "noop"), "episodes": 4}, "policy .* as .*, now "),
         ({"policies": BOTH, "episodes": 4, "env_kwargs": {"n": 7}}, "kwargs of two_robot_line"),

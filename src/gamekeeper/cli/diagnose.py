@@ -224,9 +224,7 @@ def command(
             on_message=take,
         )
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
-    screen.show(_text(found.to_json(), screen.width, folder if all_ else None))
-    if outside := outside_space(run, screen.width):
-        screen.show(outside)
+    screen.show(_text(found.to_json(), screen.width, run, folder if all_ else None))
     _save(screen, found, run, save_case, condition)
     return CommandResult(found.to_json(), diagnosis_code(found))
 
@@ -236,15 +234,18 @@ def workers_of(workers: int | None) -> int:
     return (os.cpu_count() or 1) if workers is None else workers
 
 
-def _text(document: dict[str, Any], width: int, folder: Path | None) -> str:
-    """The answer on one screen; everything, with the place of recordings, where there is one."""
+def _text(document: dict[str, Any], width: int, run: Path, folder: Path | None) -> str:
+    """The answer on one screen; everything, with the place of recordings, where there is one.
+
+    Below it the recorded actions of `run` that are out of their space.
+    """
     from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
     from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
     if folder is None:
-        return diagnosis_screen(document, width=width)
+        return diagnosis_screen(document, width=width) + outside_space(run, width)
     runs = f"\n\nRecordings  {folder / 'runs'}" if document["runs"] else ""
-    return diagnosis_text(document, width=width) + runs
+    return diagnosis_text(document, width=width) + runs + outside_space(run, width)
 
 
 def outside_space(run: Path, width: int) -> str:
@@ -254,7 +255,7 @@ def outside_space(run: Path, width: int) -> str:
     from gamekeeper.runs.load_run import load
 
     text = outside_text(outside_actions(load(run)), width=width, of_audit=False)
-    return f"\n{text}" if text else ""
+    return f"\n\n{text}" if text else ""
 
 
 def only_condition(conditions: list[str] | None) -> str | None:

@@ -343,22 +343,7 @@ def _of_singles(
     if len({(one.component, one.agents) for one in substitutes}) == 1:
         why = f"{names} restores success, and no other ideal substitute that was played does"
         if substitutes[0].undo is not None:
-            why = f"undone by {' or '.join(one.name for one in substitutes)}"
-            if is_any_scale(substitutes):
-                why += (
-                    ": as several scales do alike, the units aren't shown to be wrong; what its "
-                    "policy does with what it observes may be"
-                )
-            elif is_any_exchange(substitutes):
-                why += (
-                    ": as several exchanges of one field do alike, none is shown to be taken for "
-                    "another; what its policy does with that field may be wrong"
-                )
-            elif substitutes[0].is_either:
-                why += (
-                    f": it is {substitutes[0].shown}; no undo of the other boundary that was "
-                    "tried could do the same"
-                )
+            why = _undone_by(substitutes)
         elif len(substitutes) == 1 and _is_joint(substitutes[0], tried):
             why = f"{names}: all together restore success, none does alone"
             return ScopeFinding("joint", labels, substitutes, tried, success, why)
@@ -369,6 +354,27 @@ def _of_singles(
         return ScopeFinding("isolated", labels, substitutes, tried, success, why)
     why = f"each of {names} restores success, so these causes can't be told apart"
     return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+
+
+def _undone_by(substitutes: Sequence[IdealSubstitute]) -> str:
+    """Reason of an answer that undos from outside give, and what it leaves open."""
+    why = f"undone by {' or '.join(one.name for one in substitutes)}"
+    if is_any_scale(substitutes):
+        return (
+            f"{why}: as several scales do alike, the units aren't shown to be wrong; what its "
+            "policy does with what it observes may be"
+        )
+    if is_any_exchange(substitutes):
+        return (
+            f"{why}: as several exchanges of one field do alike, none is shown to be taken for "
+            "another; what its policy does with that field may be wrong"
+        )
+    if substitutes[0].is_either:
+        return (
+            f"{why}: it is {substitutes[0].shown}; no undo of the other boundary that was tried "
+            "could do the same"
+        )
+    return why
 
 
 def _beside_policies(
