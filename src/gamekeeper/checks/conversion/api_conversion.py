@@ -43,16 +43,10 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
     mid-cycle, ends in an AssertionError in the middle of a training run.
 
     Bad:
-
-    ```python
-    metadata = {"name": "auction_v1", "is_parallelizable": True}    # yet the opener rotates
-    ```
+        metadata = {"name": "auction_v1", "is_parallelizable": True}    # yet the opener rotates
 
     Good:
-
-    ```python
-    metadata = {"name": "auction_v1", "is_parallelizable": False}
-    ```
+        metadata = {"name": "auction_v1", "is_parallelizable": False}
     """
     for fact in evidence.facts(ConvertedEnv):
         failed = fact.value.failed
@@ -84,12 +78,9 @@ def cycles_show_nothing_before_their_end(
     agents decide on what is out of date.
 
     Bad:
-
-    ```python
-    metadata = {"is_parallelizable": True}
-    def step(self, action):
-        self.board[self.agent_selection] = action       # the next in turn sees it at once
-    ```
+        metadata = {"is_parallelizable": True}
+        def step(self, action):
+            self.board[self.agent_selection] = action       # the next in turn sees it at once
 
     Good: collect the actions, and resolve them when the last agent of the cycle has acted.
 

@@ -66,19 +66,13 @@ def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> It
     state, a view of an array or the place in the random stream, plays another game.
 
     Bad:
-
-    ```python
-    self.world = np.zeros(8)
-    self.position = self.world[:4]          # a view: in a deep copy it is an array of its own
-    ```
+        self.world = np.zeros(8)
+        self.position = self.world[:4]          # a view: in a deep copy it is an array of its own
 
     Good:
-
-    ```python
-    self.position, self.goal = np.zeros(4), np.zeros(4)
-    def state(self):
-        return np.concatenate([self.position, self.goal])
-    ```
+        self.position, self.goal = np.zeros(4), np.zeros(4)
+        def state(self):
+            return np.concatenate([self.position, self.goal])
 
     Refusing to be copied is fine: nobody promises it.
     """
@@ -101,13 +95,10 @@ def originals_go_on_beside_a_deepcopy(
     A planner that tries a move in a copy would have made it in the game itself.
 
     Bad:
-
-    ```python
-    def __deepcopy__(self, memo):
-        counterfactual = type(self)()
-        counterfactual.__dict__.update(self.__dict__)     # the same board, the same generator
-        return counterfactual
-    ```
+        def __deepcopy__(self, memo):
+            counterfactual = type(self)()
+            counterfactual.__dict__.update(self.__dict__)     # the same board, the same generator
+            return counterfactual
 
     Good: leave `__deepcopy__` alone, or copy every attribute in it.
     """
@@ -128,11 +119,8 @@ def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -
     the place in the random stream, is another game from there on.
 
     Bad:
-
-    ```python
-    def __getstate__(self):
-        return {k: v for k, v in self.__dict__.items() if k != "rng"}
-    ```
+        def __getstate__(self):
+            return {k: v for k, v in self.__dict__.items() if k != "rng"}
 
     Good: pickle the generator too; `np.random.Generator` can be pickled.
 

@@ -40,17 +40,14 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> I
     is fine, and so are five empty dictionaries, that of the observations among them.
 
     Bad:
-    ```python
-    def step(self, actions):
-        now = self.agents or self.possible_agents
-        ...
-    ```
+        def step(self, actions):
+            now = self.agents or self.possible_agents
+            ...
+
     Good:
-    ```python
-    def step(self, actions):
-        if not self.agents:
-            return {}, {}, {}, {}, {}
-    ```
+        def step(self, actions):
+            if not self.agents:
+                return {}, {}, {}, {}, {}
     """
     for fact in evidence.facts(StepAfterEnd):
         gave = fact.value.gave
@@ -77,16 +74,13 @@ def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     be one that no episode begins with. An exception of any kind is fine.
 
     Bad:
-    ```python
-    def __init__(self):
-        self.agents = self.possible_agents[:]     # and step() plays on from here
-    ```
+        def __init__(self):
+            self.agents = self.possible_agents[:]     # and step() plays on from here
+
     Good:
-    ```python
-    def step(self, actions):
-        if self.state is None:
-            raise RuntimeError("call reset() before step()")
-    ```
+        def step(self, actions):
+            if self.state is None:
+                raise RuntimeError("call reset() before step()")
     """
     for fact in evidence.facts(StepBeforeReset):
         gave = fact.value.gave
@@ -113,16 +107,13 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     more, and nobody would hear of it. An exception of any kind is fine.
 
     Bad:
-    ```python
-    if self.terminations[agent]:
-        self._was_dead_step(None)             # whatever the action was
-        return
-    ```
+        if self.terminations[agent]:
+            self._was_dead_step(None)             # whatever the action was
+            return
+
     Good:
-    ```python
-    if self.terminations[agent]:
-        return self._was_dead_step(action)
-    ```
+        if self.terminations[agent]:
+            return self._was_dead_step(action)
     """
     for fact in evidence.facts(DeadAction):
         yield Case(
@@ -148,17 +139,14 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     nobody in `agents`, or is ignored until the episode is over, breaks them.
 
     Bad:
-    ```python
-    def reset(self, seed=None, options=None):
-        if self.agents:
-            return self._observations, self._infos    # not over yet
-    ```
+        def reset(self, seed=None, options=None):
+            if self.agents:
+                return self._observations, self._infos    # not over yet
+
     Good:
-    ```python
-    def reset(self, seed=None, options=None):
-        self.agents = self.possible_agents[:]
-        self.board = new_board(self._rng)
-    ```
+        def reset(self, seed=None, options=None):
+            self.agents = self.possible_agents[:]
+            self.board = new_board(self._rng)
     """
     for fact in evidence.facts(LaterReset):
         raised, agents = fact.value.raised, fact.value.agents
@@ -193,13 +181,10 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
     the arguments aren't the cause, and nothing is said of them.
 
     Bad:
-    ```python
-    def reset(self, seed=None): ...
-    ```
+        def reset(self, seed=None): ...
+
     Good:
-    ```python
-    def reset(self, seed=None, options=None): ...
-    ```
+        def reset(self, seed=None, options=None): ...
     """
     for fact in evidence.facts(ResetArguments):
         if all(fact.value.raised.values()):
@@ -227,17 +212,14 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     `finally` blocks, wrappers and garbage collection may call it more than once.
 
     Bad:
-    ```python
-    def close(self):
-        self.screen.close()                   # None before the first frame
-    ```
+        def close(self):
+            self.screen.close()                   # None before the first frame
+
     Good:
-    ```python
-    def close(self):
-        if self.screen is not None:
-            self.screen.close()
-            self.screen = None
-    ```
+        def close(self):
+            if self.screen is not None:
+                self.screen.close()
+                self.screen = None
     """
     for fact in evidence.facts(Closings):
         for when, raised in fact.value.raised.items():
@@ -268,15 +250,12 @@ def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     of agents that have ended, and with none, everything else being equal.
 
     Bad:
-    ```python
-    for agent, action in actions.items():
-        self.move(agent, action)
-    ```
+        for agent, action in actions.items():
+            self.move(agent, action)
+
     Good:
-    ```python
-    for agent in self.agents:
-        self.move(agent, actions[agent])
-    ```
+        for agent in self.agents:
+            self.move(agent, actions[agent])
     """
     for fact in evidence.facts(EndedActions):
         turn, agents = fact.value.turn, fact.value.agents
@@ -311,15 +290,12 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Iterat
     `agents`; a step of the living that raises is another promise.
 
     Bad:
-    ```python
-    def observe(self, agent):
-        return self.views[agent]              # whose entry went with its end
-    ```
+        def observe(self, agent):
+            return self.views[agent]              # whose entry went with its end
+
     Good:
-    ```python
-    def observe(self, agent):
-        return self.views.get(agent, self.blank)
-    ```
+        def observe(self, agent):
+            return self.views.get(agent, self.blank)
     """
     for look in evidence.looks.get("rollout", ()):
         raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)

@@ -161,13 +161,11 @@ def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> 
     random play doesn't show is not seen.
 
     Bad:
-
         for agent in self.agents:              # the lowest index always gets the sample
             if self.cells[agent] in self.samples:
                 self.collect(agent)
 
     Good:
-
         for agent in self.rng.permutation(self.agents):
             if self.cells[agent] in self.samples:
                 self.collect(agent)

@@ -100,13 +100,11 @@ def rewards_come_with_the_tick_that_earns_them(
     afterwards, or one that moves with it.
 
     Bad:
-
         rewards = {a: self.reward(a) for a in self.agents}
         for agent in self.agents:
             self.move(agent, actions[agent])
 
     Good:
-
         for agent in self.agents:
             self.move(agent, actions[agent])
         rewards = {a: self.reward(a) for a in self.agents}

@@ -171,17 +171,14 @@ def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Iter
     come with the wrong turn; an ended agent reads its last reward at its None turn.
 
     Bad:
-    ```python
-    self._accumulate_rewards()                # the old ones
-    self.rewards[agent] = 1.0
-    ```
+        self._accumulate_rewards()                # the old ones
+        self.rewards[agent] = 1.0
+
     Good:
-    ```python
-    self._cumulative_rewards[agent] = 0       # who acts has been told
-    self._clear_rewards()
-    self.rewards[agent] = 1.0
-    self._accumulate_rewards()
-    ```
+        self._cumulative_rewards[agent] = 0       # who acts has been told
+        self._clear_rewards()
+        self.rewards[agent] = 1.0
+        self._accumulate_rewards()
     """
     for told, kind in all_told(evidence):
         yield Case(
@@ -209,17 +206,14 @@ def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Iterat
     reward counts double.
 
     Bad:
-    ```python
-    self.rewards[agent] = 1.0
-    self._accumulate_rewards()                # on top of what the agent has been told
-    ```
+        self.rewards[agent] = 1.0
+        self._accumulate_rewards()                # on top of what the agent has been told
+
     Good:
-    ```python
-    self._cumulative_rewards[agent] = 0
-    self._clear_rewards()
-    self.rewards[agent] = 1.0
-    self._accumulate_rewards()
-    ```
+        self._cumulative_rewards[agent] = 0
+        self._clear_rewards()
+        self.rewards[agent] = 1.0
+        self._accumulate_rewards()
     """
     for told, kind in all_told(evidence):
         more = {
@@ -257,17 +251,14 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     that had nothing to do with it.
 
     Bad:
-    ```python
-    def reset(self, seed=None, options=None):
-        self.agents = self.possible_agents[:]     # the books of the last episode stay
-    ```
+        def reset(self, seed=None, options=None):
+            self.agents = self.possible_agents[:]     # the books of the last episode stay
+
     Good:
-    ```python
-    def reset(self, seed=None, options=None):
-        self.agents = self.possible_agents[:]
-        self.rewards = dict.fromkeys(self.agents, 0.0)
-        self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
-    ```
+        def reset(self, seed=None, options=None):
+            self.agents = self.possible_agents[:]
+            self.rewards = dict.fromkeys(self.agents, 0.0)
+            self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
     """
     for fact in evidence.facts(OwedAfterReset):
         owed = fact.value
@@ -297,17 +288,13 @@ def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Iterat
     it up: a converter to the Parallel API, a recorder, a score.
 
     Bad:
-    ```python
-    if self.terminations[agent]:
-        self.agents.remove(agent)             # `rewards` of the others is as it was
-        return
-    ```
+        if self.terminations[agent]:
+            self.agents.remove(agent)             # `rewards` of the others is as it was
+            return
+
     Good:
-    ```python
-    if self.terminations[agent]:
-        self._was_dead_step(action)
-    Return:
-    ```
+        if self.terminations[agent]:
+            return self._was_dead_step(action)
     """
     for trace in evidence["rollout"]:
         stood: Mapping[str, float] = {}

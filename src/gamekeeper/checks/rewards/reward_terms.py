@@ -89,15 +89,12 @@ def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     nobody.
 
     Bad:
-    ```python
-    self.add_reward(agent, 1.0, term="delivery")
-    self.rewards[agent] += bonus              # under no term
-    ```
+        self.add_reward(agent, 1.0, term="delivery")
+        self.rewards[agent] += bonus              # under no term
+
     Good:
-    ```python
-    self.add_reward(agent, 1.0, term="delivery")
-    self.add_reward(agent, bonus, term="bonus")      # declared: [rewards.bonus]
-    ```
+        self.add_reward(agent, 1.0, term="delivery")
+        self.add_reward(agent, bonus, term="bonus")      # declared: [rewards.bonus]
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -151,15 +148,12 @@ def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) ->
     common reward, methods for two players that one's gain is the other's loss.
 
     Bad:
-    ```toml
-    [rewards.delivery]
-    kind = "shared"                           # and only who delivers is paid
-    ```
+        [rewards.delivery]
+        kind = "shared"                           # and only who delivers is paid
+
     Good:
-    ```python
-    for agent in self.agents:
-        self.add_reward(agent, 1.0, term="delivery")
-    ```
+        for agent in self.agents:
+            self.add_reward(agent, 1.0, term="delivery")
     """
     for paid in all_paid(contract, evidence):
         for name, term in contract.rewards.items():
@@ -239,12 +233,10 @@ def individual_terms_land_on_who_earned_them(
     looks right.
 
     Bad:
-
         if self.occupied(target):
             self.penalties[self.standing_on(target)] -= 1   # who was bumped into pays
 
     Good:
-
         if self.occupied(target):
             self.penalties[agent] -= 1                      # who drove pays
     """

@@ -33,16 +33,13 @@ def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Iterator
     the shape of what it stores. Numbers of NumPy and 0-d arrays are fine.
 
     Bad:
-    ```python
-    rewards[agent] = None if agent not in scored else 1.0
-    rewards[agent] = gain / cost              # 0 / 0 of numpy is NaN
-    rewards[agent] = np.array([1.0])
-    ```
+        rewards[agent] = None if agent not in scored else 1.0
+        rewards[agent] = gain / cost              # 0 / 0 of numpy is NaN
+        rewards[agent] = np.array([1.0])
+
     Good:
-    ```python
-    rewards[agent] = 1.0 if agent in scored else 0.0
-    rewards[agent] = gain / cost if cost else 0.0
-    ```
+        rewards[agent] = 1.0 if agent in scored else 0.0
+        rewards[agent] = gain / cost if cost else 0.0
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -117,15 +114,12 @@ def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Iter
     an agent earns by the step that ends it is paid by that very step.
 
     Bad:
-    ```python
-    for agent in self.possible_agents:        # also those that are gone
-        rewards[agent] += team_bonus
-    ```
+        for agent in self.possible_agents:        # also those that are gone
+            rewards[agent] += team_bonus
+
     Good:
-    ```python
-    for agent in self.agents:
-        rewards[agent] += team_bonus
-    ```
+        for agent in self.agents:
+            rewards[agent] += team_bonus
     """
     for trace in evidence["rollout"]:
         ended: frozenset[str] = frozenset()
@@ -167,20 +161,17 @@ def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Iterat
     raising a reward before a step: what is paid must not rise with it.
 
     Bad:
-    ```python
-    def step(self, action):
-        ...
-        self.rewards[agent] = gain            # everybody else's still stands
-        self._accumulate_rewards()
-    ```
+        def step(self, action):
+            ...
+            self.rewards[agent] = gain            # everybody else's still stands
+            self._accumulate_rewards()
+
     Good:
-    ```python
-    def step(self, action):
-        ...
-        self._clear_rewards()
-        self.rewards[agent] = gain
-        self._accumulate_rewards()
-    ```
+        def step(self, action):
+            ...
+            self._clear_rewards()
+            self.rewards[agent] = gain
+            self._accumulate_rewards()
     """
     for fact in evidence.facts(MarkedReward):
         seen = fact.value

@@ -49,17 +49,11 @@ def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> It
     in place, the learner is told that it had chosen something else.
 
     Bad:
-
-    ```python
-    push = actions[agent]
-    push *= 0.1
-    ```
+        push = actions[agent]
+        push *= 0.1
 
     Good:
-
-    ```python
-    push = 0.1 * actions[agent]
-    ```
+        push = 0.1 * actions[agent]
     """
     yield from handed_cases(evidence, HandedActions, reproducer_of(actions_stay))
 
@@ -78,16 +72,10 @@ def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) 
     for an observation or for inertia, it reads the later one.
 
     Bad:
-
-    ```python
-    self.last_actions = actions                     # read when the next observation is made
-    ```
+        self.last_actions = actions                     # read when the next observation is made
 
     Good:
-
-    ```python
-    self.last_actions = {agent: np.array(actions[agent]) for agent in actions}
-    ```
+        self.last_actions = {agent: np.array(actions[agent]) for agent in actions}
     """
     for counterfactual in evidence.counterfactuals("handed_over"):
         first_divergence = counterfactual.divergence
@@ -124,15 +112,9 @@ def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> I
     reset writes into it governs all the others.
 
     Bad:
-
-    ```python
-    options.setdefault("wind", self.rng.uniform())
-    ```
+        options.setdefault("wind", self.rng.uniform())
 
     Good:
-
-    ```python
-    wind = (options or {}).get("wind", self.rng.uniform())
-    ```
+        wind = (options or {}).get("wind", self.rng.uniform())
     """
     yield from handed_cases(evidence, HandedOptions, Reproducer(LINES, plays=False))

@@ -95,18 +95,12 @@ def asking_for_spaces_changes_nothing(
     Policies and wrappers ask for spaces at any time, some of them at every step.
 
     Bad:
-
-    ```python
-    def action_space(self, agent):
-        return Discrete(5, seed=int(self.rng.integers(1000)))       # draws at every call
-    ```
+        def action_space(self, agent):
+            return Discrete(5, seed=int(self.rng.integers(1000)))       # draws at every call
 
     Good:
-
-    ```python
-    def action_space(self, agent):
-        return self.action_spaces[agent]
-    ```
+        def action_space(self, agent):
+            return self.action_spaces[agent]
     """
     yield from extra_call_cases(evidence, "spaces")
 
@@ -126,19 +120,13 @@ def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> It
     draws from the game's generator or advances something, the game depends on who is watching.
 
     Bad:
-
-    ```python
-    def observe(self, agent):
-        return self.position[agent] + self.rng.normal(size=2)      # draws at every look
-    ```
+        def observe(self, agent):
+            return self.position[agent] + self.rng.normal(size=2)      # draws at every look
 
     Good:
-
-    ```python
-    def step(self, action):
-        ...
-        self.noise = self.rng.normal(size=2)                        # once a turn
-    ```
+        def step(self, action):
+            ...
+            self.noise = self.rng.normal(size=2)                        # once a turn
     """
     yield from extra_call_cases(evidence, "observe")
 
@@ -163,13 +151,10 @@ def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> 
     call gets something else, and so does everybody after it.
 
     Bad:
-
-    ```python
-    def last(self, observe=True):
-        out = super().last(observe)
-        self._cumulative_rewards[self.agent_selection] = 0     # paid out by being asked
-        return out
-    ```
+        def last(self, observe=True):
+            out = super().last(observe)
+            self._cumulative_rewards[self.agent_selection] = 0     # paid out by being asked
+            return out
 
     Good: clear the agent's cumulative reward in its own `step`.
     """
@@ -200,18 +185,12 @@ def asking_for_the_state_changes_nothing(
     different games.
 
     Bad:
-
-    ```python
-    def state(self):
-        return self.table() + self.rng.normal(0, 0.01, self.shape)
-    ```
+        def state(self):
+            return self.table() + self.rng.normal(0, 0.01, self.shape)
 
     Good:
-
-    ```python
-    def state(self):
-        return self.table()
-    ```
+        def state(self):
+            return self.table()
     """
     yield from extra_call_cases(evidence, "state")
 
@@ -229,12 +208,9 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> It
     A video of an episode then shows another episode than the one that was evaluated.
 
     Bad:
-
-    ```python
-    def render(self):
-        self.clouds += self.rng.normal(size=2)      # the generator of the game
-        return self.paint()
-    ```
+        def render(self):
+            self.clouds += self.rng.normal(size=2)      # the generator of the game
+            return self.paint()
 
     Good: keep `self.decor = np.random.default_rng(0)` for whatever is only painted.
     """
@@ -255,16 +231,10 @@ def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence
     what happens depends on how often anybody has sampled.
 
     Bad:
-
-    ```python
-    wind = self.action_space(agent).sample()
-    ```
+        wind = self.action_space(agent).sample()
 
     Good:
-
-    ```python
-    wind = self.rng.integers(5)
-    ```
+        wind = self.rng.integers(5)
     """
     yield from extra_call_cases(evidence, "sample")
 
@@ -284,13 +254,10 @@ def asking_for_attributes_changes_nothing(
     Progress bars, loggers and debuggers read them at any time.
 
     Bad:
-
-    ```python
-    @property
-    def num_agents(self):
-        self.purge()                    # takes out who has ended
-        return len(self.agents)
-    ```
+        @property
+        def num_agents(self):
+            self.purge()                    # takes out who has ended
+            return len(self.agents)
 
     Good: whatever changes the game happens in `step`.
     """

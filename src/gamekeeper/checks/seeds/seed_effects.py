@@ -68,13 +68,10 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Iter
     ```
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed is not None or self.rng is None:
-            self.rng = np.random.default_rng(seed)
-        self.board = self.rng.permutation(9)
-    ```
+        def reset(self, seed=None, options=None):
+            if seed is not None or self.rng is None:
+                self.rng = np.random.default_rng(seed)
+            self.board = self.rng.permutation(9)
     """
     for look in evidence.looks.get("unseeded", ()):
         plays, first, other = (
@@ -137,18 +134,12 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Iterat
     either, nor does the time of day.
 
     Bad:
-
-    ```python
-    def step(self, actions):
-        wind = np.random.default_rng().normal()
-    ```
+        def step(self, actions):
+            wind = np.random.default_rng().normal()
 
     Good:
-
-    ```python
-    def step(self, actions):
-        wind = self.rng.normal()
-    ```
+        def step(self, actions):
+            wind = self.rng.normal()
     """
     if any(fact.value.is_settled for fact in evidence.facts(SettledElsewhere)):
         return  # instances share something, and that is another promise
@@ -208,20 +199,14 @@ def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Iterator
     don't repeat. Looked at beside a plain seed, which goes well.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if seed:
+                self.rng = np.random.default_rng(seed)
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed is not None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if seed is not None:
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("special_seeds", ()):
         plain, refused = look.fact(PlainSeed), look.fact(SpecialRefused)
@@ -267,20 +252,14 @@ def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Itera
     same play, while in fresh instances they give different ones.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if self.rng is None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if self.rng is None:
+                self.rng = np.random.default_rng(seed)
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if self.rng is None or seed is not None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if self.rng is None or seed is not None:
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("second_episode", ()):
         for counterfactual in look.counterfactuals:
@@ -329,21 +308,15 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> It
     of 1,000 environments that are right is this broken.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        self.rng = np.random.default_rng(0 if seed is None else seed)
-    ```
+        def reset(self, seed=None, options=None):
+            self.rng = np.random.default_rng(0 if seed is None else seed)
 
     Good:
-
-    ```python
-    def __init__(self):
-        self.rng = np.random.default_rng()
-    def reset(self, seed=None, options=None):
-        if seed is not None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def __init__(self):
+            self.rng = np.random.default_rng()
+        def reset(self, seed=None, options=None):
+            if seed is not None:
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("unseeded", ()):
         plays, others = look.fact(SeededPlays), look.fact(UnseededPlays)

@@ -49,21 +49,15 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
     before the reset and between all turns, compared with one in which they aren't.
 
     Bad:
-
-    ```python
-    def step(self, actions):
-        wind = np.random.normal()
-    ```
+        def step(self, actions):
+            wind = np.random.normal()
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed is not None or self.rng is None:
-            self.rng = np.random.default_rng(seed)
-    def step(self, actions):
-        wind = self.rng.normal()
-    ```
+        def reset(self, seed=None, options=None):
+            if seed is not None or self.rng is None:
+                self.rng = np.random.default_rng(seed)
+        def step(self, actions):
+            wind = self.rng.normal()
     """
     for look in evidence.looks.get("generators", ()):
         facts = [fact.value for fact in look.facts]
@@ -112,18 +106,12 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
     come from them: that is GK602.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        np.random.seed(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            np.random.seed(seed)
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            self.rng = np.random.default_rng(seed)
     """
     is_judged = settled_by_seed(contract, evidence) is None
     for look in evidence.looks.get("generators", ()):
@@ -183,13 +171,10 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     ```
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        self.rng = np.random.default_rng(seed)
-        self.agents = list(self.possible_agents)
-        self.collected = set()
-    ```
+        def reset(self, seed=None, options=None):
+            self.rng = np.random.default_rng(seed)
+            self.agents = list(self.possible_agents)
+            self.collected = set()
     """
     if ignores_seeds(evidence):
         return  # an episode hangs on what was drawn before, which is another promise
@@ -226,21 +211,15 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Iter
     before, two new processes agree with each other.
 
     Bad:
-
-    ```python
-    class Game(ParallelEnv):
-        rng = np.random.default_rng()
-        def reset(self, seed=None, options=None):
-            Game.rng = np.random.default_rng(seed)
-    ```
+        class Game(ParallelEnv):
+            rng = np.random.default_rng()
+            def reset(self, seed=None, options=None):
+                Game.rng = np.random.default_rng(seed)
 
     Good:
-
-    ```python
-    class Game(ParallelEnv):
-        def reset(self, seed=None, options=None):
-            self.rng = np.random.default_rng(seed)
-    ```
+        class Game(ParallelEnv):
+            def reset(self, seed=None, options=None):
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("alternated", ()):
         other = look.fact(OtherInstance)
@@ -317,10 +296,7 @@ def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -
     ```
 
     Good:
-
-    ```python
-    self.agents = [*self.hunters, *self.prey]
-    ```
+        self.agents = [*self.hunters, *self.prey]
     """
     for look in evidence.looks.get("other_process", ()):
         fact = look.fact(HashSeed)

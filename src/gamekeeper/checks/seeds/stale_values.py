@@ -139,19 +139,13 @@ def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     the same array, all that was learned from the earlier ones was learned from wrong data.
 
     Bad:
-
-    ```python
-    def observe(self, agent):
-        self.planes[agent][...] = self.board == self.token[agent]
-        return self.planes[agent]           # the same array at every turn
-    ```
+        def observe(self, agent):
+            self.planes[agent][...] = self.board == self.token[agent]
+            return self.planes[agent]           # the same array at every turn
 
     Good:
-
-    ```python
-    def observe(self, agent):
-        return (self.board == self.token[agent]).astype(np.int8)
-    ```
+        def observe(self, agent):
+            return (self.board == self.token[agent]).astype(np.int8)
     """
     yield from kept_cases(evidence, "observations")
 
@@ -168,16 +162,10 @@ def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iter
     A buffer that keeps infos, masks above all, for learning later then has those of another turn.
 
     Bad:
-
-    ```python
-    self.infos[agent]["action_mask"] = self.legal       # one array, written to at every step
-    ```
+        self.infos[agent]["action_mask"] = self.legal       # one array, written to at every step
 
     Good:
-
-    ```python
-    self.infos[agent] = {"action_mask": self.legal.copy()}
-    ```
+        self.infos[agent] = {"action_mask": self.legal.copy()}
     """
     if not _is_one_for_all(evidence, "infos"):  # GK615 tells it
         yield from kept_cases(evidence, "infos")
@@ -196,18 +184,12 @@ def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Ite
     A central critic that keeps states by reference learns from the last one alone.
 
     Bad:
-
-    ```python
-    def state(self):
-        return self.world               # the array that step() writes to
-    ```
+        def state(self):
+            return self.world               # the array that step() writes to
 
     Good:
-
-    ```python
-    def state(self):
-        return self.world.copy()
-    ```
+        def state(self):
+            return self.world.copy()
     """
     yield from kept_cases(evidence, "state")
 
@@ -226,19 +208,13 @@ def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     and again. (The attributes of an AEC environment are another thing: those are written in place.)
 
     Bad:
-
-    ```python
-    for agent in self.agents:
-        self.rewards[agent] = self.score(agent)
-    return observations, self.rewards, ...
-    ```
+        for agent in self.agents:
+            self.rewards[agent] = self.score(agent)
+        return observations, self.rewards, ...
 
     Good:
-
-    ```python
-    rewards = {agent: self.score(agent) for agent in self.agents}
-    return observations, rewards, ...
-    ```
+        rewards = {agent: self.score(agent) for agent in self.agents}
+        return observations, rewards, ...
     """
     yield from kept_cases(evidence, "rewards", "terminations", "truncations")
 
@@ -257,17 +233,11 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Itera
     has no axis.
 
     Bad:
-
-    ```python
-    view = self.board_view()
-    return {agent: view for agent in self.agents}
-    ```
+        view = self.board_view()
+        return {agent: view for agent in self.agents}
 
     Good:
-
-    ```python
-    return {agent: self.board_view() for agent in self.agents}
-    ```
+        return {agent: self.board_view() for agent in self.agents}
     """
     if not _is_one_for_all(evidence, "observations"):  # GK610 tells it
         yield from apart_cases(evidence, "observations")
@@ -286,15 +256,9 @@ def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Iterator[Cas
     too.
 
     Bad:
-
-    ```python
-    infos = dict.fromkeys(self.agents, {})
-    ```
+        infos = dict.fromkeys(self.agents, {})
 
     Good:
-
-    ```python
-    infos = {agent: {} for agent in self.agents}
-    ```
+        infos = {agent: {} for agent in self.agents}
     """
     yield from apart_cases(evidence, "infos")

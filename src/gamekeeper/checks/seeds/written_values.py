@@ -51,18 +51,12 @@ def written_observations_change_nothing(
     agent moves pieces by looking at them.
 
     Bad:
-
-    ```python
-    def observe(self, agent):
-        return self.board
-    ```
+        def observe(self, agent):
+            return self.board
 
     Good:
-
-    ```python
-    def observe(self, agent):
-        return self.board.copy()
-    ```
+        def observe(self, agent):
+            return self.board.copy()
     """
     yield from written_cases(evidence, "observations")
 
@@ -80,16 +74,10 @@ def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) ->
     Wrappers scale what they find there in place. Where it is the game's own array, they move it.
 
     Bad:
-
-    ```python
-    infos[agent] = {"position": self.position[agent]}       # a view of the game's own array
-    ```
+        infos[agent] = {"position": self.position[agent]}       # a view of the game's own array
 
     Good:
-
-    ```python
-    infos[agent] = {"position": self.position[agent].copy()}
-    ```
+        infos[agent] = {"position": self.position[agent].copy()}
     """
     yield from written_cases(evidence, "infos")
 
@@ -107,18 +95,12 @@ def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -
     A central critic that normalises its input in place would move the agents themselves.
 
     Bad:
-
-    ```python
-    def state(self):
-        return self.world
-    ```
+        def state(self):
+            return self.world
 
     Good:
-
-    ```python
-    def state(self):
-        return self.world.copy()        # the caller's own
-    ```
+        def state(self):
+            return self.world.copy()        # the caller's own
     """
     yield from written_cases(evidence, "state")
 
@@ -139,16 +121,10 @@ def emptied_dictionaries_change_nothing(
     books, its next step crashes or forgets who has ended.
 
     Bad:
-
-    ```python
-    return observations, self.rewards, self.terminations, self.truncations, self.infos
-    ```
+        return observations, self.rewards, self.terminations, self.truncations, self.infos
 
     Good:
-
-    ```python
-    return observations, dict(self.rewards), dict(self.terminations), ...
-    ```
+        return observations, dict(self.rewards), dict(self.terminations), ...
     """
     yield from written_cases(evidence, "dictionaries")
 
@@ -167,15 +143,9 @@ def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) ->
     change the rules for itself or for others.
 
     Bad:
-
-    ```python
-    infos[agent] = {"action_mask": self.legal}      # the array that step() asks
-    ```
+        infos[agent] = {"action_mask": self.legal}      # the array that step() asks
 
     Good:
-
-    ```python
-    infos[agent] = {"action_mask": self.legal.copy()}
-    ```
+        infos[agent] = {"action_mask": self.legal.copy()}
     """
     yield from written_cases(evidence, "masks")

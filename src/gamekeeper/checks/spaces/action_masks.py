@@ -177,11 +177,9 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> I
     action of a MultiDiscrete space is a mask too.
 
     Bad:
-
         spaces.Discrete(5); mask = np.ones(4, np.int8)      # "stay" was forgotten
 
     Good:
-
         spaces.Discrete(5); mask = np.ones(5, np.int8)
     """
     for each in masks(contract, evidence):
@@ -213,11 +211,9 @@ def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -
     outside its observation space in all but name.
 
     Bad:
-
         {"observation": board, "action_mask": board == 0}                    # bool
 
     Good:
-
         {"observation": board, "action_mask": (board == 0).astype(np.int8)}
     """
     for each in masks(contract, evidence):
@@ -271,11 +267,9 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterat
     all-zero mask of an agent that isn't to move, or has ended, is right.
 
     Bad:
-
         mask = np.zeros(n, np.int8)                    # it is stuck, and it is its turn
 
     Good:
-
         mask[NOOP] = 1                                 # or the agent terminates when it is stuck
     """
     for each in masks(contract, evidence):
@@ -313,11 +307,9 @@ def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     another game, and choose actions that the environment refuses.
 
     Bad:
-
         infos[agent] = {"action_mask": np.ones(n, np.int8)}        # the observation's says less
 
     Good:
-
         infos[agent] = {"action_mask": observations[agent]["action_mask"].copy()}
     """
     for trace in evidence["rollout"]:
@@ -379,11 +371,9 @@ def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> I
     Policies look for it at that place, and take everything for legal where they find nothing.
 
     Bad:
-
         mask = "infos.action_mask"           # and the environment puts it into the observation
 
     Good:
-
         mask = "observation.action_mask"
     """
     for trace in evidence["rollout"]:

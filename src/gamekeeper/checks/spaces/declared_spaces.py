@@ -24,12 +24,10 @@ def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> It
     anything, and ask for them also when an agent has left.
 
     Bad:
-
         def reset(self, seed=None, options=None):
             self._spaces = {a: Discrete(5) for a in self.possible_agents}
 
     Good:
-
         def __init__(self):
             self._spaces = {a: Discrete(5) for a in self.possible_agents}
     """
@@ -73,11 +71,9 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Iterat
     every run, and each call costs what making a space costs. PettingZoo's own API test asks for it.
 
     Bad:
-
         def action_space(self, agent): return Discrete(5)
 
     Good:
-
         @functools.cache
         def action_space(self, agent): return Discrete(5)
     """
@@ -107,12 +103,10 @@ def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterato
     outside of what the environment, or the network, now takes.
 
     Bad:
-
         def reset(self, seed=None, options=None):
             self.action_spaces[agent] = Discrete(self.rng.integers(3, 6))
 
     Good:
-
         Discrete(5), and an action mask for the actions that aren't there this time
     """
     for fact in evidence.facts(ChangedSpace):
@@ -156,11 +150,9 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Iterator[Ca
     divides by nothing.
 
     Bad:
-
         space.low, space.high = space.high, space.low
 
     Good:
-
         spaces.Box(low=-1.0, high=1.0, shape=(2,), dtype=np.float32)
     """
     for fact in evidence.facts(SpaceFaults):
@@ -191,12 +183,10 @@ def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Ite
     Older readers take a space from the dictionary, newer ones from the method.
 
     Bad:
-
         self.action_spaces = {a: Discrete(4) for a in self.possible_agents}
         def action_space(self, agent): return self._spaces[agent]          # Discrete(5)
 
     Good:
-
         def action_space(self, agent): return self.action_spaces[agent]
     """
     for fact in evidence.facts(SpaceEntry):

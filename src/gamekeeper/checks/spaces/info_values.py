@@ -29,11 +29,9 @@ def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Itera
     is None, a list or a text.
 
     Bad:
-
         infos = {a: {"score": s} if a in self.agents else None for a in acting}
 
     Good:
-
         infos = {a: {"score": s} if a in self.agents else {} for a in acting}
     """
     for trace in evidence["rollout"]:
@@ -71,11 +69,9 @@ def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Iterato
     Vector environments run copies in processes of their own and send infos through a pipe.
 
     Bad:
-
         infos[agent] = {"replay": lambda: self.history}
 
     Good:
-
         infos[agent] = {"replay": list(self.history)}
     """
     for fact in evidence.facts(PickledInfo):
@@ -112,11 +108,9 @@ def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterat
     A table of the infos has the columns that the declaration says.
 
     Bad:
-
         position = { dtype = "int64", shape = [2] }          # infos[a] = {"position": (0.5, 1.0)}
 
     Good:
-
         position = { dtype = "float64", shape = [2] }
     """
     declared = {

@@ -144,11 +144,9 @@ def actions_of_the_space_are_accepted(
     the very bounds of a Box, or with an action that is an int and no np.int64.
 
     Bad:
-
         self.action_spaces[agent] = Discrete(6)        # and action 5 is an index past the end
 
     Good:
-
         self.action_spaces[agent] = Discrete(5)
     """
     for fact in evidence.facts(TriedAction):
@@ -190,12 +188,10 @@ def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -
     an instance that can't be reset any more, take a whole training with them.
 
     Bad:
-
         self.is_stepping = True
         position = MOVES[action]               # raises; is_stepping stays, and reset() refuses
 
     Good:
-
         if not self.action_space(agent).contains(action):
             raise ValueError(f"{agent}: {action!r} is no action")
     """
@@ -240,11 +236,9 @@ def masked_actions_bring_what_is_declared(
     it learns another game.
 
     Bad:
-
         illegal = "error"             # and the environment plays the forbidden move
 
     Good:
-
         if not mask[action]: raise ValueError(f"{action} is forbidden now")
     """
     for fact in evidence.facts(TriedAction):
@@ -329,11 +323,9 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
     actions that the rules refuse.
 
     Bad:
-
         mask = board == 0                  # kept from before the other player's move
 
     Good:
-
         def observe(self, agent): return {..., "action_mask": self._legal_now(agent)}
     """
     turns = list(legal_turns(contract, evidence))

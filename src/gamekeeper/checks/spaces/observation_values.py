@@ -159,11 +159,9 @@ def observations_have_the_form_of_their_space(
     agent's last one: a list, None, or a dictionary without a key makes it crash there.
 
     Bad:
-
         return {"observation": board}                        # the space also has "action_mask"
 
     Good:
-
         return {"observation": board, "action_mask": mask}
     """
     yield from misfit_cases(evidence, STRUCTURE)
@@ -184,11 +182,9 @@ def observations_have_the_dtype_of_their_space(
     declared is outside the space, and rounded, or refused, far from here.
 
     Bad:
-
         return np.array([x, y])                              # float64, the space says float32
 
     Good:
-
         return np.array([x, y], dtype=np.float32)
     """
     yield from misfit_cases(evidence, DTYPE)
@@ -209,11 +205,9 @@ def observations_have_the_shape_of_their_space(
     in the episodes where that happens.
 
     Bad:
-
         return np.concatenate([self.position[a] for a in self.agents])   # shrinks with the agents
 
     Good:
-
         return np.concatenate([self.position[a] for a in self.possible_agents])
     """
     yield from misfit_cases(evidence, SHAPE)
@@ -234,11 +228,9 @@ def observations_are_within_their_space(
     is squashed, indexes past an array, or is refused by a checker in the middle of a training.
 
     Bad:
-
         spaces.Box(-1, 1, (2,))                              # and the robot may leave the square
 
     Good:
-
         spaces.Box(-np.inf, np.inf, (2,))                    # or keep the robot inside
     """
     yield from misfit_cases(evidence, BOUNDS)
@@ -257,11 +249,9 @@ def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Ite
     nobody or a division by zero, once the other agents have left.
 
     Bad:
-
         others = np.mean([self.position[b] for b in live if b != a], axis=0)   # NaN when alone
 
     Good:
-
         others = np.mean(...) if len(live) > 1 else np.zeros(2)
     """
     yield from misfit_cases(evidence, NAN)
@@ -281,12 +271,10 @@ def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Itera
     A form, shape or dtype that is wrong in agents' own turns too is left to the checks of those.
 
     Bad:
-
         def observe(self, agent):
             return self._view if agent == self.agent_selection else None
 
     Good:
-
         def observe(self, agent):
             return self._view_of(agent)
     """

@@ -88,17 +88,14 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     the loop that everybody writes ends in a KeyError, or one agent's turn is taken for another's.
 
     Bad:
-    ```python
-    if self.terminations[agent]:
-        self.agents.remove(agent)             # and it stays selected
-        return
-    ```
+        if self.terminations[agent]:
+            self.agents.remove(agent)             # and it stays selected
+            return
+
     Good:
-    ```python
-    if self.terminations[agent]:
-        self._was_dead_step(action)           # selects who comes next
-        return
-    ```
+        if self.terminations[agent]:
+            self._was_dead_step(action)           # selects who comes next
+            return
     """
     for fact in evidence.facts(SelectedAgents):
         at = fact.where
@@ -130,18 +127,15 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> I
     either.
 
     Bad:
-    ```python
-    if money[agent] <= 0:
-        self.terminations[agent] = True
-        self.agents.remove(agent)
-    ```
+        if money[agent] <= 0:
+            self.terminations[agent] = True
+            self.agents.remove(agent)
+
     Good:
-    ```python
-    if money[agent] <= 0:
-        self.terminations[agent] = True
-    ...
-    self._deads_step_first()
-    ```
+        if money[agent] <= 0:
+            self.terminations[agent] = True
+        ...
+        self._deads_step_first()
     """
     for each, agent, has_ended in departures(evidence):
         if has_ended and not may_leave(contract, agent):  # of one without flags GK501 tells
@@ -169,16 +163,13 @@ def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     asked again and again; its last reward is read more than once, and the loop may never end.
 
     Bad:
-    ```python
-    if self.terminations[agent]:
-        self.agent_selection = self._selector.next()      # and it comes round again
-        return
-    ```
+        if self.terminations[agent]:
+            self.agent_selection = self._selector.next()      # and it comes round again
+            return
+
     Good:
-    ```python
-    if self.terminations[agent]:
-        return self._was_dead_step(action)                # takes it out of `agents`
-    ```
+        if self.terminations[agent]:
+            return self._was_dead_step(action)                # takes it out of `agents`
     """
     for play in aec_steps(evidence):
         for each in play:
@@ -216,15 +207,12 @@ def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) 
     of all agents, and 20 turns at least, are.
 
     Bad:
-    ```python
-    live = [a for a in self.agents if not self.terminations[a]]
-    self.agent_selection = live[self.turn % len(live)]
-    ```
+        live = [a for a in self.agents if not self.terminations[a]]
+        self.agent_selection = live[self.turn % len(live)]
+
     Good:
-    ```python
-    self.agent_selection = live[self.turn % len(live)]
-    self._deads_step_first()
-    ```
+        self.agent_selection = live[self.turn % len(live)]
+        self._deads_step_first()
     """
     for play in aec_steps(evidence):
         yield from _waits(play)
@@ -266,15 +254,12 @@ def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> It
     through the agents in its own order gives one agent's observation to another's policy.
 
     Bad:
-    ```python
-    def agent_iter(self, max_iter=2**63):
-        return iter(self.agents)
-    ```
+        def agent_iter(self, max_iter=2**63):
+            return iter(self.agents)
+
     Good:
-    ```python
-    for agent in env.agent_iter():            # AECEnv's own
-        observation, reward, terminated, truncated, info = env.last()
-    ```
+        for agent in env.agent_iter():            # AECEnv's own
+            observation, reward, terminated, truncated, info = env.last()
     """
     for fact in evidence.facts(IteratedAgents):
         seen = fact.value

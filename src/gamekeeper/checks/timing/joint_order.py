@@ -57,13 +57,11 @@ def outcome_is_free_of_the_actions_order(
     chance that mere draws are called an outcome is at most 1 %.
 
     Bad:
-
         for agent, action in actions.items():  # who stands first takes the cell
             if target(agent, action) not in taken:
                 self.cells[agent] = target(agent, action)
 
     Good:
-
         wanted = {agent: target(agent, actions[agent]) for agent in self.agents}
         for agent, cell in wanted.items():     # two that want one cell both stay
             if [*wanted.values()].count(cell) == 1:
@@ -134,13 +132,11 @@ def draws_are_free_of_the_actions_order(
     which the two orders differ, something was drawn, and no test tells their distributions apart.
 
     Bad:
-
         for agent, action in actions.items():
             if self.rng.random() < 0.9:        # the draw goes to who stands first
                 self.move(agent, action)
 
     Good:
-
         for agent in self.agents:
             if self.rng.random() < 0.9:
                 self.move(agent, actions[agent])

@@ -42,15 +42,12 @@ def order_is_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterato
     that isn't the declared one gives away, or takes, what the game form promises to each role.
 
     Bad:
-    ```toml
-    [schedule]
-    stages = [["picker"], ["carrier"]]        # and a carrier acts between two pickers
-    order = "fixed"
-    ```
+        [schedule]
+        stages = [["picker"], ["carrier"]]        # and a carrier acts between two pickers
+        order = "fixed"
+
     Good:
-    ```python
-    self._selector.reinit([*pickers, *carriers])
-    ```
+        self._selector.reinit([*pickers, *carriers])
     """
     for play in aec_steps(evidence):
         live = [each for each in play if not each.is_dead]
@@ -171,12 +168,10 @@ def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -
     stage observe is compared.
 
     Bad:
-
         def step(self, action):
             self.hands[self.agent_selection] = action   # observe() shows self.hands
 
     Good:
-
         def step(self, action):
             self.chosen[self.agent_selection] = action
             if self.is_last():
