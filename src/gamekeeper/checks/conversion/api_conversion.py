@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from gamekeeper.checks.check import MEDIUM, Case, check
+from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.copy_facts import ConvertedEnv, WithinCycle
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -36,7 +34,7 @@ def not_converted(contract: Contract, evidence: ProbeEvidence) -> str | None:
     api="aec",
     applies=not_said,
 )
-def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An environment whose metadata say is_parallelizable can be stepped by aec_to_parallel.
 
     Libraries ask this flag and convert. A turn order that rotates, skips or repeats, or a death in
@@ -68,9 +66,7 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
     api="aec",
     applies=not_converted,
 )
-def cycles_show_nothing_before_their_end(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def cycles_show_nothing_before_their_end(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """In an environment that says is_parallelizable, nobody observes a move of the same cycle.
 
     PettingZoo's aec_to_parallel shows everybody what is to be seen at the end of a cycle. Where an

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from gamekeeper.checks.case import Case
+from gamekeeper.checks.case import Case, Cases
 from gamekeeper.checks.check import MEDIUM, check
 from gamekeeper.checks.facts.copy_facts import CopiedEnv
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -19,7 +19,7 @@ ANEW: Final = "begins anew"
 """Said of a copy that wants a reset, which is all that worker processes need."""
 
 
-def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Iterator[Case]:
+def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Cases:
     """Yields a case for every copy made in this way, of the `copy` or of the `original`."""
     for fact in evidence.facts(CopiedEnv):
         if fact.where.field != way or (who == "copy" and fact.value.refused):
@@ -59,7 +59,7 @@ def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:
     "__deepcopy__",
     applies=refused("deepcopy"),
 )
-def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A copy.deepcopy that is made in mid-episode goes on like its original, state() too.
 
     Tree search and counterfactual estimates play on in copies. A copy that has lost a part of the
@@ -87,9 +87,7 @@ def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> It
     "generators, and copy all of it in __deepcopy__",
     applies=refused("deepcopy"),
 )
-def originals_go_on_beside_a_deepcopy(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def originals_go_on_beside_a_deepcopy(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Stepping a copy.deepcopy doesn't move its original.
 
     A planner that tries a move in a copy would have made it in the game itself.
@@ -112,7 +110,7 @@ def originals_go_on_beside_a_deepcopy(
     fix="leave nothing of the game's state out of __getstate__, or raise there",
     applies=refused("pickle"),
 )
-def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A copy by pickle that is made in mid-episode goes on like its original, state() too.
 
     Checkpoints and worker processes pickle environments. What is left out of the pickle, such as

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Set
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, is_twofold, may_leave, plays_with_rosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -35,7 +35,7 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 )
 def endings_reach_all_whom_they_are_declared_for(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """An ending that is declared to be everybody's, or a role's, ends all of them at once.
 
     An agent that goes on playing after the game is over for the others earns rewards in a world
@@ -99,7 +99,7 @@ assert not silent, silent"""),
     "or declare may_leave for its role",
     looks_at="an agent that leaves `agents`",
 )
-def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
 
     A learner that sees no end waits for an agent that never acts again, and bootstraps from
@@ -157,9 +157,7 @@ assert env.agents or not silent, silent"""
     api="parallel",
     looks_at="an agent that ends while others are in the game",
 )
-def the_episode_is_over_for_those_who_ended(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Ending one agent empties `agents` only where the others terminate or truncate too.
 
     The others' last step looks like any other: their returns are bootstrapped from a state that
@@ -200,7 +198,7 @@ assert not ended, ended"""
     api="parallel",
     looks_at="an agent that terminates or truncates",
 )
-def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has terminated or truncated is out of `agents` when that step returns.
 
     `while env.agents` is how an episode is played: where `agents` isn't emptied at the end it goes

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, plays_with_rosters
 from gamekeeper.checks.facts.space_facts import NumpyFlag
 from gamekeeper.checks.facts.surface_facts import FlaggedAgents, LiveRosters
@@ -26,7 +25,7 @@ BOOKS: Final = {"terminated": "terminations", "truncated": "truncations"}
     severity=MEDIUM,
     fix="make a bool of it: `terminations[agent] = bool(...)`",
 )
-def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Terminations and truncations are bools, not numbers, None or arrays.
 
     `flag is True`, `~flag` and masks of arrays mean something else for 1 than for True, and None or
@@ -79,7 +78,7 @@ def _proof(api: str, book: str, kinds: str = "(bool, np.bool_)") -> str:
     api="aec",
     looks_at="an agent that has ended and is still in `agents`",
 )
-def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The flags of an agent that has ended aren't taken back while it is still in `agents`.
 
     In the one step the learner closes the agent's trajectory, in the next it is told that nothing
@@ -122,7 +121,7 @@ AFTER = f"env.reset(seed=SEED)\n{FRESH}"
     "truncations",
     api="aec",
 )
-def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """After a reset nobody is terminated or truncated, whatever the last episode came to.
 
     An episode whose agents have ended before it begins is over at once, and the loop around it

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import EndedActions
 from gamekeeper.checks.facts.lifecycle_facts import (
@@ -33,7 +32,7 @@ from gamekeeper.episodes.episode import Episode
     fix="return empty dictionaries (Parallel), or raise, once `agents` is empty",
     looks_at="an episode that was played to its end",
 )
-def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step after the end of an episode raises, or gives nothing (Parallel: five empty dicts).
 
     A loop that forgets a reset then trains on an episode that isn't there. An exception of any kind
@@ -67,7 +66,7 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> I
     confidence=0.8,
     fix="raise an error in step() while no reset has been made",
 )
-def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step before the first reset doesn't silently play: it raises, or gives nothing.
 
     An episode that nobody has reset has no seed: it can't be played again, and its first state may
@@ -100,7 +99,7 @@ def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     api="aec",
     fix="hand the action on: `self._was_dead_step(action)` raises where it isn't None",
 )
-def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent's only action is None: a real action of an agent that has ended is refused.
 
     A loop that forgets to look at the flags would go on choosing for an agent that isn't there any
@@ -132,7 +131,7 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     fix="let reset() make the whole state new, whatever the episode before left, and name the "
     "live agents; where it raises, at the line that `actual` names",
 )
-def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset begins an episode at any time: at first, in mid-episode, at its end, twice in a row.
 
     Vector environments and evaluation loops reset whenever they like. A reset that raises, leaves
@@ -173,7 +172,7 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     severity=MEDIUM,
     fix="declare `def reset(self, seed=None, options=None):`",
 )
-def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`reset` takes `seed` and `options` by keyword, and neither is needed.
 
     Wrappers, vector environments and trainers call `reset(seed=..., options=...)`; where one of
@@ -205,7 +204,7 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
     severity=LOW,
     fix="let close() look whether there is anything to close: `if self.screen is not None: ...`",
 )
-def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`close` raises at no time: not before a reset, and not when it is called twice.
 
     It is called while cleaning up, often after another error, which its own would then hide; and
@@ -242,7 +241,7 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     fix="read the actions of agents in `agents` only, or raise where there are others",
     looks_at="a Parallel agent that ended before the others, and an action for it",
 )
-def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended acts no more: its entry in the actions is ignored or refused.
 
     Trainers with a fixed number of slots go on sending actions for those that are gone. Where these
@@ -281,7 +280,7 @@ SHOWN: Final = {"last": "env.last()", "step": "# nothing more: the None step abo
     "the None of a dead agent to `self._was_dead_step(action)`",
     looks_at="an agent that ends, in an episode played to its last None turn",
 )
-def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The loop over agents goes through: `last()` and the None steps of the dead raise nothing.
 
     `for agent in env.agent_iter()` asks whoever is in turn for `last()`, an agent that has just

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, Case, check
+from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.ended_agents import ticks_before
 from gamekeeper.checks.facts.surface_facts import TimeLimits
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -41,7 +41,7 @@ def _no_horizon(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_horizon,
     looks_at="an episode that reaches the declared horizon: a larger --budget plays longer",
 )
-def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode that reaches its declared horizon is truncated there: not terminated, not later.
 
     A time limit is no rule of the game: a learner that is told of a termination values the last
@@ -103,7 +103,7 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
         yield from ended_by_rule
 
 
-def _other_limit(contract: Contract, evidence: ProbeEvidence, horizon: int) -> Iterator[Case]:
+def _other_limit(contract: Contract, evidence: ProbeEvidence, horizon: int) -> Cases:
     """Whole episodes that all end in one tick before the horizon, for no declared reason."""
     api = evidence.api
     ends: list[tuple[Episode, Turn, int]] = []
@@ -169,7 +169,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     looks_at="an episode that reaches an attribute, constant or parameter called like a limit, "
     "such as `max_steps`: raise --budget, or declare the horizon in a contract",
 )
-def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A time limit truncates an episode, it doesn't terminate it.
 
     Learners bootstrap past a truncation, and not past a termination: told the one for the other
@@ -221,7 +221,7 @@ def _lasts_longer(api: str, trace: Episode, limit: int) -> bool:
     )
 
 
-def _at_the_limit(api: str, trace: Episode, limits: Mapping[str, int]) -> Iterator[Case]:
+def _at_the_limit(api: str, trace: Episode, limits: Mapping[str, int]) -> Cases:
     """The turn, if there is one, at which a limit is met and somebody ends."""
     for turn, tick in ticks_before(trace, api):
         names = [name for name, value in limits.items() if value == tick]
@@ -273,9 +273,7 @@ def _no_ending_kind(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_ending_kind,
     looks_at="an ending that the contract declares",
 )
-def endings_are_of_their_declared_kind(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def endings_are_of_their_declared_kind(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An ending that is declared a truncation truncates, one declared a termination terminates.
 
     A learner bootstraps past a truncation and not past a termination: told the one for the other

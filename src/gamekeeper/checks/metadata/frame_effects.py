@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.render_facts import (
     BuiltMode,
     FilmedPlay,
@@ -32,7 +32,7 @@ RENDERING_LINES = (
     "generator of its own",
     applies=nothing_to_film,
 )
-def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """render() doesn't change the game, nor draw from its generator: a filmed play goes like an unfilmed one.
 
     Otherwise a recorded run can't be compared with one that was trained without a camera. The same
@@ -77,7 +77,7 @@ MODE_LINES = (
     fix="let render_mode decide about pictures alone",
     applies=nothing_to_film,
 )
-def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The render mode doesn't change the game: equal seeds and actions give the same play in every mode.
 
     A policy that was trained without pictures would otherwise be shown, and judged, in another game.
@@ -105,7 +105,7 @@ def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterato
     fix="self.render_mode = render_mode",
     applies=nothing_to_film,
 )
-def mode_is_told(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def mode_is_told(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """env.render_mode is the mode that was asked for.
 
     Wrappers and recorders read it to know what render() returns.
@@ -147,7 +147,7 @@ AGAIN = (
     fix="draw when render() is called, or forget what was drawn in step() and in reset()",
     applies=nothing_to_film,
 )
-def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A frame shows the game as it stands, not an older moment that was drawn and kept.
 
     A frame counts as old where an instance that was never rendered before shows another at the very

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from textwrap import indent
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.render_facts import (
     BuiltMode,
     ChangedFrames,
@@ -77,7 +77,7 @@ def _step(api: str) -> str:
     "it doesn't have",
     applies=nothing_to_film,
 )
-def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every render mode that the metadata declares can be built.
 
     Readers choose a mode from `metadata["render_modes"]`; tools that record videos do so unasked.
@@ -122,7 +122,7 @@ PROMISED: Final = {
     "((frame * 255).astype(np.uint8) for floats in [0, 1]), a str in mode 'ansi'",
     applies=nothing_to_film,
 )
-def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """render() returns what its mode promises: uint8 [height, width, 3] for "rgb_array", a str for "ansi".
 
     Floats, None, a transposed or an empty picture, or an exception stop whoever writes a video, or
@@ -187,7 +187,7 @@ def _words(shot: Shot) -> str:
     applies=nothing_to_film,
     looks_at="two pictures (rgb_array) of one episode",
 )
-def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """All frames of a play have one shape.
 
     A video has one size: writers refuse the first frame of another, or the whole video is lost.
@@ -218,7 +218,7 @@ def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iter
     applies=nothing_to_film,
     looks_at="frames that could change later, such as pictures (rgb_array)",
 )
-def frames_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def frames_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A frame is its reader's own: it doesn't change later, and writing into it shows in no other.
 
     Frames that are collected for a video would otherwise all show the last moment, and a caption
@@ -269,7 +269,7 @@ LEAST_MOVES: Final = 8
     applies=nothing_to_film,
     looks_at="a film of several frames while observations change",
 )
-def frames_move(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def frames_move(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Frames follow the game: while observations change over a whole play, the picture does too.
 
     A video of it shows nothing. Only plays in which somebody's observation changed at eight turns

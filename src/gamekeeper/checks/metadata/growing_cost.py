@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from statistics import mean, stdev
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import LOW, Case, check
+from gamekeeper.checks.check import LOW, Case, Cases, check
 from gamekeeper.checks.facts.cost_facts import EpisodeWork, TurnWork
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import text_of
@@ -67,7 +67,7 @@ assert last[{column}] < 2 * first[{column}], ('lines and bytes a step, first and
     "again",
     looks_at="an episode of 40 turns or more",
 )
-def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of a step doesn't grow with the length of the episode.
 
     A step, or an observation, that goes through the whole history makes an episode's cost
@@ -140,7 +140,7 @@ assert costs[-1][{column}] < 1.1 * costs[0][{column}], ('lines and bytes by epis
     fix="empty in reset() what step() has gathered",
     looks_at="several episodes, one after the other, that were played to their end",
 )
-def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of an episode doesn't grow with the number of episodes before it.
 
     Otherwise training becomes slower day by day, although nothing of the game has changed. One
@@ -208,7 +208,7 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
     fix="let go in reset() of what belongs to an episode",
     looks_at="several episodes, one after the other, that were played to their end",
 )
-def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode leaves no memory behind: what is in use doesn't grow from episode to episode.
 
     A leak ends a long training run after hours. One short play is repeated from the same seed in
@@ -264,7 +264,7 @@ assert np.median(np.diff(sizes)) < 32768, ('bytes in use after each step', sizes
     fix="keep what the rules need of the past, not whole observations or pictures",
     looks_at="an episode of 40 turns or more",
 )
-def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step keeps no more than 32 kB of memory until the end of the episode.
 
     Many copies of the environment run at once, and each would hold a whole film of its episode. A

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import MEDIUM, Case, check
+from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import by_turn, changed_numbers
 from gamekeeper.checks.facts.play_facts import PaymentTime
 from gamekeeper.checks.literal import literal
@@ -72,7 +72,7 @@ class _Trial:
 )
 def rewards_come_with_the_tick_that_earns_them(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """A reward comes with the step that earns it, not one step later.
 
     Rewards that come one step late credit every action with what the one before it earned, and the
@@ -125,7 +125,7 @@ def _parts(evidence: ProbeEvidence) -> tuple[str | None, ...]:
     return tuple(sorted(found)) or (None,)
 
 
-def _judged(evidence: ProbeEvidence, part: str | None) -> Iterator[Case]:
+def _judged(evidence: ProbeEvidence, part: str | None) -> Cases:
     trials = []
     for counterfactual in evidence.counterfactuals("influence"):
         if int(counterfactual.change["later"]) >= 2:
@@ -243,7 +243,7 @@ def _by_size(facts: Sequence[Fact[PaymentTime]]) -> Iterator[Sequence[Fact[Payme
         yield group
 
 
-def _rare(api: str, facts: Sequence[Fact[PaymentTime]]) -> Iterator[Case]:
+def _rare(api: str, facts: Sequence[Fact[PaymentTime]]) -> Cases:
     """Cases of unusual payments of one size: on time, or one tick late, all of them."""
     late = [fact for fact in facts if fact.value.decided is not None]
     on_time = [fact for fact in facts if fact.value.is_on_time]

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.aec_book_facts import LastRewards, OwedAfterReset
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -163,7 +163,7 @@ def _told(trace: Episode, last: Mapping[int, Any]) -> Iterator[ToldReward]:
     fix="in step(): set `self._cumulative_rewards[agent] = 0` for the agent that acts, clear "
     "`rewards`, set them, and call `self._accumulate_rewards()` last, on every path",
 )
-def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reward is accumulated: `last()` gives all that was paid since the agent's last turn.
 
     Learners get their rewards from `last()`. Rewards that are set and never accumulated,
@@ -198,7 +198,7 @@ def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Iter
     fix="set `self._cumulative_rewards[agent] = 0` for the agent that acts, before rewards are "
     "accumulated, and accumulate once in a step",
 )
-def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`last()` tells each reward once: cumulative rewards are cleared when their agent acts.
 
     Where `_cumulative_rewards` isn't cleared, `last()` gives the return so far, and a learner
@@ -244,7 +244,7 @@ assert not any(env._cumulative_rewards.values()), env._cumulative_rewards  # wha
     fix="in reset(): `self.rewards = dict.fromkeys(self.agents, 0.0)`, and the same for "
     "`self._cumulative_rewards`",
 )
-def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset clears `rewards` and what `last()` tells: nothing of the last episode is owed.
 
     A reward of the episode before, told in the first turns of the next one, is credited to actions
@@ -281,7 +281,7 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     fix="clear `rewards` in the None step of a dead agent, as `self._was_dead_step(None)` does",
     looks_at="a None turn of an agent that has ended",
 )
-def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The None step of a dead agent pays nobody: rewards from before it are cleared, not left over.
 
     A reward that still stands in `rewards` after such a step is counted again by all code that sums

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.facts.play_facts import Payment
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
@@ -82,7 +82,7 @@ def _no_sum(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_sum,
     looks_at="reward terms that the contract declares and the environment tells",
 )
-def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The declared reward terms add up to the reward: nothing is paid beside them.
 
     Attribution and the report tell who earned what by term; a part that has no term is credited to
@@ -141,7 +141,7 @@ def _no_shared_term(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_shared_term,
     looks_at="a payment of a term that is declared shared or zero-sum",
 )
-def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A shared reward term pays all its payees the same, and a zero-sum term's payments sum to 0.
 
     Looked at in every step, among payees that hadn't ended before it. Methods for teams assume one
@@ -161,9 +161,7 @@ def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) ->
                 yield from _look(contract, evidence.api, paid, name, term)
 
 
-def _look(
-    contract: Contract, api: str, paid: PaidTerms, name: str, term: RewardTerm
-) -> Iterator[Case]:
+def _look(contract: Contract, api: str, paid: PaidTerms, name: str, term: RewardTerm) -> Cases:
     values = {
         agent: paid.terms[name].get(agent, 0.0)
         for agent in sorted(paid.payable)
@@ -218,9 +216,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     confidence=0.9,
     applies=_declared,
 )
-def individual_terms_land_on_who_earned_them(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def individual_terms_land_on_who_earned_them(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An individual reward or penalty lands on the agent that brought it about, on no other.
 
     An agent that is paid for what another does learns nothing from it, and the other isn't told.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.facts.aec_book_facts import MarkedReward
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.rewards.reward_ledger import is_dead_step
@@ -26,7 +25,7 @@ NO_NUMBERS: Final = ("NoneType", "str", "bytes", "list", "tuple", "dict", "compl
     "array of one element",
     looks_at="a step that returns rewards",
 )
-def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reward is one finite real number: no None, no NaN or infinity, no array, no text.
 
     A single NaN in a batch makes every weight of a learner NaN; None and arrays crash it, or change
@@ -107,7 +106,7 @@ def _allowed(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_allowed,
     looks_at="a turn after an agent's end (AEC: in which another agent acts)",
 )
-def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended is paid nothing more.
 
     Learners bootstrap past the end and credit the wrong action with a reward that comes later. What
@@ -153,7 +152,7 @@ def _after_end_proof(api: str, agent: str) -> str:
     api="aec",
     fix="call `self._clear_rewards()` at the start of every step of a live agent",
 )
-def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`rewards` is cleared in every step: it holds what that step paid, nothing from before.
 
     A reward that still stands after the next step is accumulated again, once for every step until

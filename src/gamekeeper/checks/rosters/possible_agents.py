@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.play_facts import TurnRosters
 from gamekeeper.checks.facts.surface_facts import LiveRosters, PossibleAgents
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
@@ -29,9 +28,7 @@ PROOF = Reproducer(
     fix="fill possible_agents in the constructor with every agent that may ever appear; leave the "
     "attribute out where nobody can know them",
 )
-def possible_agents_are_known_before_a_reset(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def possible_agents_are_known_before_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """possible_agents names every possible agent before the first reset; it isn't empty.
 
     Wrappers, vector environments and trainers ask it for spaces and build one policy for each name
@@ -69,7 +66,7 @@ assert one == other, (one, other)""",
     fix="build possible_agents once in the constructor and never touch it again; in reset take a "
     "copy: `self.agents = self.possible_agents[:]`",
 )
-def possible_agents_never_change(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def possible_agents_never_change(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """possible_agents stays the same list of names for good, whoever leaves `agents`.
 
     Where `agents` is the same list as `possible_agents`, or shares it between instances, an agent
@@ -99,7 +96,7 @@ def possible_agents_never_change(contract: Contract, evidence: ProbeEvidence) ->
         yield from _in_play(fact, named, turns)
 
 
-def _in_play(fact: Fact[PossibleAgents], named: list[str], turns: list[Any]) -> Iterator[Case]:
+def _in_play(fact: Fact[PossibleAgents], named: list[str], turns: list[Any]) -> Cases:
     for turn, names in enumerate(turns):
         yield _look(replace(fact.where, turn=turn), names, named, reproducer_of(names_stay))
         if names != named:
@@ -120,7 +117,7 @@ def _look(where: Where, names: Any, named: list[str], proof: Reproducer) -> Case
     fix="keep each name once; take agents out of the list that is there, or build it anew in "
     "reset, before names are added",
 )
-def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No name stands twice in `agents` or in `possible_agents`.
 
     Two agents of one name are one in every dictionary: an action, a reward, a policy is lost, and
@@ -169,7 +166,7 @@ assert not strangers, strangers"""
     fix="list in possible_agents every agent that may ever join, and speak of agents only in the "
     "dictionaries; where names can't be known leave possible_agents out",
 )
-def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents in `agents`, or with a reward or an ending, are among possible_agents.
 
     A trainer has no policy, no space and no column for a name that it never heard of: it crashes
@@ -199,7 +196,7 @@ def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) 
         yield from _strangers_in_dictionaries(evidence, possible)
 
 
-def _strangers_in_dictionaries(evidence: ProbeEvidence, possible: set[str]) -> Iterator[Case]:
+def _strangers_in_dictionaries(evidence: ProbeEvidence, possible: set[str]) -> Cases:
     for trace in evidence["rollout"]:
         for each in turn_entries(trace):
             if not each.turn.index:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import plays_with_rosters
 from gamekeeper.checks.facts.surface_facts import (
     AgentCounts,
@@ -31,7 +30,7 @@ assert set(env.agents) == set(fresh.agents), (list(env.agents), list(fresh.agent
     severity=HIGH,
     fix="fill `agents` anew in every reset, from scratch: `self.agents = self.possible_agents[:]`",
 )
-def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reset fills `agents`: somebody is there, and nobody of the last episode is missing.
 
     A reset that leaves out agents which ended, or keeps what the last episode left, makes each
@@ -86,7 +85,7 @@ def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) ->
     severity=LOW,
     fix="leave num_agents and max_num_agents to PettingZoo's base class, which counts the lists",
 )
-def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """num_agents is the length of `agents`, and max_num_agents that of possible_agents.
 
     Loops and buffers are sized by them; a number that was fixed at construction is wrong from the
@@ -121,9 +120,7 @@ def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) ->
     "under a name that wasn't used in this episode",
     looks_at="an agent that has left while others play on",
 )
-def nobody_comes_back_within_an_episode(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended and left isn't revived under the same name in the same episode.
 
     Learners close its trajectory when it ends: what it does afterwards is glued to the dead one or
@@ -180,7 +177,7 @@ ROSTERS: Final = ("agents", "possible_agents")
     severity=MEDIUM,
     fix="keep the names in a list: `self.agents = list(...)`",
 )
-def rosters_are_lists(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rosters_are_lists(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agents` and possible_agents are lists: ordered, with a length, empty once nobody is left.
 
     Readers slice, index and copy them and ask `while env.agents`. A set has another order in every

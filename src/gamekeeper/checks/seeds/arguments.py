@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from gamekeeper.checks.case import Case, Reproducer
+from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.check import HIGH, LOW, check
 from gamekeeper.checks.facts.handed_facts import HandedActions, HandedOptions
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -17,7 +15,7 @@ from gamekeeper.episodes.canonical import shown
 
 def handed_cases(
     evidence: ProbeEvidence, kind: type[HandedActions] | type[HandedOptions], proof: Reproducer
-) -> Iterator[Case]:
+) -> Cases:
     """Yields a case for every look at what was handed over."""
     for fact in evidence.facts(kind):
         changed = fact.value.changed
@@ -42,7 +40,7 @@ def no_writable_actions(contract: Contract, evidence: ProbeEvidence) -> str | No
     fix="compute with a copy: `push = 0.1 * actions[agent]`, not `actions[agent] *= 0.1`",
     applies=no_writable_actions,
 )
-def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The actions that are handed to step, and their dictionary, are as before once it returns.
 
     A replay buffer keeps the action that was chosen. Where step scales or clips the caller's array
@@ -65,7 +63,7 @@ def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> It
     fix="keep a copy of what is needed after the step: `self.last_action = np.array(action)`",
     applies=no_writable_actions,
 )
-def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an action after its step doesn't change the game: step keeps no reference.
 
     Learners re-use their buffers of actions. Where the environment reads an earlier action again,
@@ -105,7 +103,7 @@ assert options == {}, options"""
     severity=LOW,
     fix="work with a copy: `options = {**DEFAULTS, **(options or {})}`",
 )
-def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The options that are handed to reset are as before once it returns.
 
     One dictionary of options is handed to every reset, of several environments perhaps: what one

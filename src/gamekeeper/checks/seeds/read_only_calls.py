@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
-from gamekeeper.checks.case import Case, Reproducer
+from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, check
 from gamekeeper.checks.facts.handed_facts import OfferedCalls, RepeatedLast
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -25,7 +25,7 @@ MEDDLING = {
 """Calls between the steps, as Python, by kind of call."""
 
 
-def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Iterator[Case]:
+def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every play in which this kind of call was made more often.
 
     A play with calls of all kinds that went another way accuses none of them: each was tried alone.
@@ -87,9 +87,7 @@ def _proof(api: str, kind: str, *, is_next: bool = False) -> Reproducer:
     fix="build the spaces once, in __init__, and hand out the same ones at every call",
     applies=not_offered("spaces"),
 )
-def asking_for_spaces_changes_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observation_space() and action_space() in mid-episode doesn't change the game.
 
     Policies and wrappers ask for spaces at any time, some of them at every step.
@@ -113,7 +111,7 @@ def asking_for_spaces_changes_nothing(
     api="aec",
     applies=not_offered("observe"),
 )
-def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observe() again, for every agent, doesn't change the game.
 
     Loggers, wrappers and centralised learners observe more often than the loop. Where observe()
@@ -144,7 +142,7 @@ assert first[1:4] == second[1:4], (first[1:4], second[1:4])"""
     api="aec",
     applies=not_offered("last"),
 )
-def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling last() twice in a turn tells the same twice, and doesn't change the game.
 
     Wrappers call last() beside the loop that plays. Where it pays out, clears or draws, the second
@@ -176,9 +174,7 @@ def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> 
     fix="let state() only read: draw noise in step(), or from a generator of its own",
     applies=not_offered("state"),
 )
-def asking_for_the_state_changes_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling state() doesn't change the game, nor draw from its generator.
 
     Centralised critics ask for the state at every step, evaluations don't: with one seed they play
@@ -202,7 +198,7 @@ def asking_for_the_state_changes_nothing(
     fix="let render() only read; what it draws at random comes from a generator of its own",
     applies=not_offered("render"),
 )
-def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling render() between the steps doesn't change the game, nor draw from its generator.
 
     A video of an episode then shows another episode than the one that was evaluated.
@@ -224,7 +220,7 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> It
     fix="draw from the environment's own generator, never from a space's `np_random`",
     applies=not_offered("sample"),
 )
-def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Sampling from the spaces that are handed out doesn't change the game.
 
     Every random policy samples actions. Where the game draws from the generators of its spaces,
@@ -246,9 +242,7 @@ def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence
     fix="let attributes and str() only read",
     applies=not_offered("attributes"),
 )
-def asking_for_attributes_changes_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def asking_for_attributes_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Reading num_agents, metadata, unwrapped or str(env) doesn't change the game.
 
     Progress bars, loggers and debuggers read them at any time.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
     PlainSeed,
     PlayElsewhere,
@@ -46,7 +46,7 @@ SEEDS: Final = 16
     fix="build the generator from `seed` in reset(), and draw from nothing else",
     applies=draws_nothing,
 )
-def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Different seeds give different episodes where a game draws; the seed isn't ignored.
 
     Training on a thousand seeds is else training on one, and a test on other seeds tests nothing. A
@@ -124,7 +124,7 @@ MISSED: Final = (
     "the clock, the system's entropy, or spaces that nobody seeded",
     applies=settled_by_seed,
 )
-def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A seed settles the play: after reset(seed) the same actions give the same play again.
 
     Otherwise the seed is ignored, or part of the randomness isn't seeded, and no result can be
@@ -192,7 +192,7 @@ def _empty(api: str) -> Reproducer:
     fix="ask `if seed is not None`, never `if seed`, and take any non-negative integer",
     applies=settled_by_seed,
 )
-def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Seed 0 is a seed like any other, and so is 2**31 - 1.
 
     0 is the seed that most people try first; where it is taken for no seed, exactly their runs
@@ -244,7 +244,7 @@ def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
     looks_at="a used instance that plays a seed as a fresh one does, or plays all seeds alike (any "
     "other difference is GK604's)",
 )
-def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reset(seed) seeds the play, not only the first one of an instance.
 
     Where later seeds are ignored, an evaluation on fixed seeds in one instance isn't one: its
@@ -299,7 +299,7 @@ RESETS: Final = 16
     "a seed is given or none was built yet",
     applies=draws_nothing,
 )
-def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset without a seed goes on drawing; it doesn't re-seed with a constant or the last seed.
 
     Training resets without a seed, and would see one and the same episode again and again. Judged

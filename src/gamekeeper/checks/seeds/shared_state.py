@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
     EpisodeBefore,
     HashSeed,
@@ -41,7 +40,7 @@ from gamekeeper.contract import Contract
     "np.random.default_rng(seed)",
     applies=settled_by_seed,
 )
-def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The game draws from a generator of its own, not from the global ones of numpy, random, torch.
 
     Other code that draws from global generators, a learner or a second environment, changes the
@@ -98,7 +97,7 @@ def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> R
     fix="leave np.random.seed, random.seed and torch.manual_seed to whoever runs the environment; "
     "build a generator of the environment's own",
 )
-def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The environment leaves the global generators of numpy, random and torch as they are.
 
     One that seeds them makes the exploration of a learner repeat itself with every episode, and
@@ -155,7 +154,7 @@ def _global_generator_proof(api: str, name: str) -> Reproducer:
     "before",
     applies=settled_by_seed,
 )
-def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """reset(seed) starts the same play in a used instance as in a fresh one.
 
     Training runs thousands of episodes in one instance; where something of the last one is left,
@@ -202,7 +201,7 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     "class, the module or in a mutable default argument",
     applies=settled_by_seed,
 )
-def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Instances of the environment share nothing: no generator and no state of a class or module.
 
     A vector environment steps many instances in turns, an evaluation runs beside the training; what
@@ -283,7 +282,7 @@ def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Rep
     "hash(), id(), the process's number or the clock",
     applies=settled_by_seed,
 )
-def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The same seed and actions give the same play in other processes; no set's order decides.
 
     Python shuffles the order of sets of text anew in every process, so that results repeat within

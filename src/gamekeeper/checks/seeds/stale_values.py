@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeVar
 
-from gamekeeper.checks.case import Case, Reproducer
+from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, check
 from gamekeeper.checks.facts.handed_facts import KeptValues, SharedValues
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
@@ -16,7 +16,7 @@ PLACES = {"observations": 0, "rewards": 1, "terminations": 2, "truncations": 3, 
 """Place of each part in the tuple that a Parallel environment's step returns."""
 
 
-def kept_cases(evidence: ProbeEvidence, *fields: str) -> Iterator[Case]:
+def kept_cases(evidence: ProbeEvidence, *fields: str) -> Cases:
     """Yields a case for every look at things of these kinds that were handed out earlier."""
     for fact in evidence.facts(KeptValues):
         if fact.where.field not in fields:
@@ -52,7 +52,7 @@ def without_state(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return "it has no state() that hands out arrays" if fields and "state" not in fields else None
 
 
-def apart_cases(evidence: ProbeEvidence, field: str) -> Iterator[Case]:
+def apart_cases(evidence: ProbeEvidence, field: str) -> Cases:
     """Yields a case for every pair of agents whose memory was compared."""
     for fact in _of(evidence, SharedValues, field):
         pair = fact.value.pair
@@ -132,7 +132,7 @@ def _apart_proof(api: str, field: str, one: object, other: object) -> str:
     severity=HIGH,
     fix="return a new array from every call (or a copy of the buffer), the mask's too",
 )
-def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An observation that was handed out doesn't change at a later turn.
 
     A replay buffer keeps observations by reference. Where the environment writes the next one into
@@ -156,7 +156,7 @@ def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     severity=MEDIUM,
     fix="build a new info for every step, with copies of arrays such as action masks",
 )
-def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An info that was handed out, an action mask in it too, doesn't change at a later turn.
 
     A buffer that keeps infos, masks above all, for learning later then has those of another turn.
@@ -178,7 +178,7 @@ def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iter
     fix="return a copy from state(): `return self.world.copy()`",
     applies=without_state,
 )
-def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Values that state() returned don't change at a later turn.
 
     A central critic that keeps states by reference learns from the last one alone.
@@ -201,7 +201,7 @@ def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Ite
     fix="return new dictionaries from every step: `return obs, dict(self.rewards), ...`",
     api="parallel",
 )
-def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The dictionaries of rewards and endings that step returned don't change at a later step.
 
     A rollout that is kept step by step, as every learner does, holds the last step's rewards again
@@ -225,7 +225,7 @@ def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     severity=MEDIUM,
     fix="give each agent an array of its own: `{agent: view.copy() for agent in self.agents}`",
 )
-def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The observations of two agents share no memory that can be written to.
 
     A wrapper that normalises one agent's observation in place normalises the other's as well.
@@ -249,7 +249,7 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Itera
     severity=MEDIUM,
     fix="`{agent: {} for agent in self.agents}`, not `dict.fromkeys(self.agents, {})`",
 )
-def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The infos of two agents are not one dictionary, nor do they share an array.
 
     An entry that is put into one agent's info, by a wrapper for instance, stands in the other's

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
-from gamekeeper.checks.case import Case
+from gamekeeper.checks.case import Case, Cases
 from gamekeeper.checks.check import HIGH, MEDIUM, check
 from gamekeeper.checks.facts.handed_facts import WrittenValues
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 
 
-def written_cases(evidence: ProbeEvidence, kind: str) -> Iterator[Case]:
+def written_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every play in which things of this kind were overwritten."""
     for fact in evidence.facts(WrittenValues):
         if fact.where.field == kind:
@@ -42,9 +42,7 @@ def none_of(kind: str, reason: str) -> Callable[[Contract, ProbeEvidence], str |
     fix="return copies: no array that the rules, or a cache, will read again",
     applies=none_of("observations", "observations hold no array that can be written to"),
 )
-def written_observations_change_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def written_observations_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an observation doesn't change the game.
 
     Wrappers and learners scale observations in place. Where those are the game's own arrays, an
@@ -68,7 +66,7 @@ def written_observations_change_nothing(
     fix='put copies into infos: `{"position": self.position.copy()}`',
     applies=none_of("infos", "infos hold no array that can be written to"),
 )
-def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an array of an info doesn't change the game.
 
     Wrappers scale what they find there in place. Where it is the game's own array, they move it.
@@ -89,7 +87,7 @@ def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) ->
     fix="return a copy from state(): `return self.world.copy()`",
     applies=none_of("state", "it has no state() that only looks and hands out arrays"),
 )
-def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into what state() handed out doesn't change the game.
 
     A central critic that normalises its input in place would move the agents themselves.
@@ -112,9 +110,7 @@ def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -
     fix="return new dictionaries: `return observations, dict(self.rewards), ...`",
     api="parallel",
 )
-def emptied_dictionaries_change_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Emptying the dictionaries that reset and step returned doesn't change the game.
 
     Wrappers take entries of agents that are gone out of them. Where they are the environment's own
@@ -136,7 +132,7 @@ def emptied_dictionaries_change_nothing(
     fix='hand out a copy of the mask: `{"action_mask": self.legal.copy()}`',
     applies=none_of("masks", "no action mask is handed out that can be written to"),
 )
-def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an action mask, in an observation or an info, doesn't change what is legal.
 
     An agent that edits its mask, to forbid more to itself or by a normalisation in place, must not

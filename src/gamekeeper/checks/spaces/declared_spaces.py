@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import AskedSpace, ChangedSpace, SpaceEntry, SpaceFaults
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
@@ -17,7 +15,7 @@ from gamekeeper.contract import Contract
     severity=HIGH,
     fix="make the spaces of all possible agents in __init__, and return Gymnasium's spaces",
 )
-def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every possible agent has its spaces at any time, already before the first reset.
 
     Trainers build networks and buffers from the observation and action spaces before they reset
@@ -64,7 +62,7 @@ def _early_spaces_proof(agent: str, which: str, when: str) -> Reproducer:
     severity=MEDIUM,
     fix="make each space once and return that object: from a dictionary, or with functools.cache",
 )
-def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's space is the very same object at every call, not a new one.
 
     A seed that is given to a space which is thrown away has no effect: sampled actions differ in
@@ -96,7 +94,7 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Iterat
     severity=HIGH,
     fix="declare the largest space that any episode needs, and mask or pad what isn't used",
 )
-def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's spaces never change: not by a reset, not in an episode, not in the next one.
 
     Networks are built for the spaces once. What is drawn from a space that has changed since is
@@ -143,7 +141,7 @@ def _space_change_proof(agent: str, name: str, *, is_later: bool) -> Reproducer:
     severity=HIGH,
     fix="give bounds with low <= high, at least one value, and a sample() that is in the space",
 )
-def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every space can hold a value: low isn't above high, no bound is NaN, sample() gives a member.
 
     Nothing is in a space whose bounds are the wrong way round; normalising by it flips signs or
@@ -177,7 +175,7 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Iterator[Ca
     fix="let the method return what the dictionary holds, or drop the dictionary",
     looks_at="an attribute `observation_spaces` or `action_spaces`",
 )
-def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observation_spaces` and `action_spaces` hold the spaces that the methods return.
 
     Older readers take a space from the dictionary, newer ones from the method.

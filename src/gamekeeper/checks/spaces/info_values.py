@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import PickledInfo
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract, InfoField
@@ -22,7 +21,7 @@ from gamekeeper.episodes.canonical import type_name
     fix="give every agent a dictionary for its info; an empty one where there is nothing to say",
     looks_at="an info of an agent",
 )
-def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent's info is a dictionary, also in the step in which it ends; never None.
 
     Readers look into it with `info.get(...)` at every step, and crash in the rare one in which it
@@ -63,7 +62,7 @@ def _info_kind_proof(api: str, agent: str) -> str:
     severity=LOW,
     fix="put plain data and arrays into infos, not functions, generators or the environment",
 )
-def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Infos hold what can be pickled, and so sent from one process to another.
 
     Vector environments run copies in processes of their own and send infos through a pipe.
@@ -102,7 +101,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_none_declared,
     looks_at="a field of the infos that the contract declares",
 )
-def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A field of the infos has the dtype and the shape that the contract declares for it.
 
     A table of the infos has the columns that the declaration says.

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.play_facts import RaisedCall
@@ -134,9 +134,7 @@ PROOF = "# nothing more: a step above raised, and every action in it is one of i
     fix="take every action of the action space, make the space smaller, or give an action mask",
     looks_at="a step of agents that have no action mask",
 )
-def actions_of_the_space_are_accepted(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every action of the action space is accepted: `step` raises nothing.
 
     A policy chooses from the action space and knows no other rule, unless a mask tells it. A step
@@ -181,7 +179,7 @@ def actions_of_the_space_are_accepted(
     severity=MEDIUM,
     fix="refuse an illegal action before anything is changed, and let reset() start from nothing",
 )
-def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An illegal action is taken or refused, and after it a reset starts a playable episode.
 
     An environment may raise whatever it likes, or coerce the action. But a process that dies, and
@@ -227,9 +225,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     fix="do with a masked action what roles.<role>.illegal says, or declare what is done",
     applies=_none_declared,
 )
-def masked_actions_bring_what_is_declared(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def masked_actions_bring_what_is_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action that the mask forbids raises, costs, or ends, as the contract declares.
 
     A learner without masks learns the rules from this alone: if what is forbidden is quietly taken,
@@ -316,7 +312,7 @@ UNFINISHED: Final = (
     applies=without_masks,
     looks_at="a step of agents with an action mask",
 )
-def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every action that an action mask allows is accepted: the mask is neither wrong nor stale.
 
     A mask that was made before the last move, for another agent, or the wrong way round offers

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import AskedSpace, OthersView
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
@@ -44,7 +44,7 @@ def spaces_of(evidence: ProbeEvidence, which: str) -> dict[str, Any]:
     return found
 
 
-def misfit_cases(evidence: ProbeEvidence, kind: str) -> Iterator[Case]:
+def misfit_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every observation that was given: whether it misses its space in `kind`."""
     known = spaces_of(evidence, "observation")
     for trace in (*evidence["rollout"], *evidence["spaces"]):
@@ -150,9 +150,7 @@ def misfit_proof(api: str, agent: str, found: Misfit) -> str:
     severity=HIGH,
     fix="give what the space describes: arrays for a Box, every key of a Dict and no other",
 )
-def observations_have_the_form_of_their_space(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def observations_have_the_form_of_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation has the type and the keys that its observation space describes.
 
     A policy reads `observation["action_mask"]` or `observation.shape` at every turn, also at an
@@ -175,7 +173,7 @@ def observations_have_the_form_of_their_space(
 )
 def observations_have_the_dtype_of_their_space(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """Every observation has the dtype of its observation space.
 
     Buffers and networks are made for the dtype of the space; float64 that comes where float32 is
@@ -198,7 +196,7 @@ def observations_have_the_dtype_of_their_space(
 )
 def observations_have_the_shape_of_their_space(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """Every observation has the shape of its observation space, whoever is left in the game.
 
     Networks have one input size. A shape that changes when another agent leaves or joins shows only
@@ -219,9 +217,7 @@ def observations_have_the_shape_of_their_space(
     severity=HIGH,
     fix="widen the bounds of the space to what the rules allow, or clip what is observed",
 )
-def observations_are_within_their_space(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def observations_are_within_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation is within the bounds of its observation space, also at an agent's end.
 
     Learners scale by the bounds, and one-hot encode by the number of values: what is outside
@@ -242,7 +238,7 @@ def observations_are_within_their_space(
     severity=HIGH,
     fix="say what is seen where there is nothing to see: a mean over nobody, a distance to nobody",
 )
-def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No observation holds NaN.
 
     One NaN makes every weight of a network NaN at its next update. It mostly comes from a mean over
@@ -264,7 +260,7 @@ def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Ite
     fix="let observe(agent) give an observation of the agent's space at any turn",
     api="aec",
 )
-def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observe` gives an observation of its space for every live agent, also one not in turn.
 
     Conversions to Parallel, centralised critics and recorders observe all agents at every turn.

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, may_leave
 from gamekeeper.checks.facts.lifecycle_facts import IteratedAgents
 from gamekeeper.checks.facts.play_facts import SelectedAgents, TurnRosters
@@ -81,7 +81,7 @@ def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
     "step of a dead agent",
     looks_at="a turn with agents left in `agents`",
 )
-def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
 
     `last()` and `step()` speak of the agent that is selected: where it isn't in the game any more,
@@ -119,7 +119,7 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     "its None step, as `self._deads_step_first()` and `self._was_dead_step(action)` do",
     looks_at="an agent that ends",
 )
-def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is selected once more before it is removed, for its None turn.
 
     That turn is where its learner reads the last reward and that it has ended, with `last()`. An
@@ -156,7 +156,7 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> I
     fix="remove a dead agent from `agents` in its None step, as `self._was_dead_step(action)` does",
     looks_at="a None turn of an agent that has ended",
 )
-def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent has one None turn, which removes it: it isn't selected again.
 
     A loop over `agent_iter()` goes on until `agents` is empty. A dead agent that stays there is
@@ -199,7 +199,7 @@ LEAST_TURNS: Final = 20
     "`self._deads_step_first()`",
     looks_at="an agent that has ended and stays in `agents` while others act",
 )
-def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent in `agents` is selected for its None turn before long, and not forgotten.
 
     Until then its learner doesn't know of the end, nor of its last reward. PettingZoo's own way is
@@ -218,7 +218,7 @@ def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) 
         yield from _waits(play)
 
 
-def _waits(play: list[AecStep]) -> Iterator[Case]:
+def _waits(play: list[AecStep]) -> Cases:
     since: dict[str, int] = {}
     told: set[str] = set()
     for each in play:
@@ -247,7 +247,7 @@ def _waits(play: list[AecStep]) -> Iterator[Case]:
     fix="leave `agent_iter` as `AECEnv` has it: it yields `agent_selection` until `agents` is "
     "empty, `max_iter` times at most",
 )
-def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_iter` names the agent that is to act, as often as it is asked to.
 
     Everybody plays with `for agent in env.agent_iter():`. An iterator of one's own that runs

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, Case, check
+from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.facts.play_facts import OrderOutcome
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.contract import Contract
@@ -41,9 +40,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     api="parallel",
     applies=_declared,
 )
-def outcome_is_free_of_the_actions_order(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def outcome_is_free_of_the_actions_order(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The outcome of a joint action doesn't depend on the order of the action dictionary.
 
     A dictionary has no order to promise: trainers take agents from lists, sets, sorted names. Where
@@ -120,9 +117,7 @@ def proof_of_order(order: str) -> Reproducer:
     confidence=0.9,
     api="parallel",
 )
-def draws_are_free_of_the_actions_order(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def draws_are_free_of_the_actions_order(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Random draws don't come in the order of the action dictionary.
 
     The game is the same on average, but with one seed two trainers that list agents in another

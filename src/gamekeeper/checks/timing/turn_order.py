@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.effects import later_looks
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -35,7 +35,7 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_undeclared,
     looks_at="an order of agents that the contract declares",
 )
-def order_is_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def order_is_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents act in the declared order: stage after stage, fixed or rotating, nobody left out.
 
     A tick is a round in which everybody who is live acts once. Who acts late sees more: an order
@@ -90,7 +90,7 @@ def _tick(env_steps: list[AecStep], following: AecStep | None) -> _Tick:
     return _Tick(env_steps, frozenset.intersection(*stayed), following is not None)
 
 
-def _looks(contract: Contract, before: _Tick | None, tick: _Tick) -> Iterator[Case]:
+def _looks(contract: Contract, before: _Tick | None, tick: _Tick) -> Cases:
     movers, last = tick.movers, tick.env_steps[-1]
     faults = [_out_of_stage(contract, movers)]
     if tick.is_whole and contract.schedule.order in ORDERED:
@@ -158,7 +158,7 @@ def _hidden_moves_applies(contract: Contract, evidence: ProbeEvidence) -> str | 
     api="aec",
     applies=_hidden_moves_applies,
 )
-def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Later agents of a simultaneous tick don't observe what earlier ones did in it.
 
     An environment that plays a simultaneous game in turns must hide the moves of the tick: else the
