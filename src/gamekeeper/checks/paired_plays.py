@@ -50,13 +50,8 @@ def parted(
     if divergence is None:
         yield Case(whole(counterfactual), True, expected, expected)
     elif counterfactual.noise is None:
-        yield Case(
-            difference_place(counterfactual, divergence),
-            False,
-            expected,
-            told_difference(divergence),
-            proof,
-        )
+        seen = told_difference(divergence)
+        yield Case(difference_place(counterfactual, divergence), False, expected, seen, proof)
 
 
 def whole(counterfactual: ProbeCounterfactual) -> Where:

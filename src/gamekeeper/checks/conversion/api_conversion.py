@@ -49,13 +49,9 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
     for fact in evidence.facts(ConvertedEnv):
         failed = fact.value.failed
         if fact.value.ticks or failed is not None:
-            yield Case(
-                fact.where,
-                failed is None,
-                "aec_to_parallel steps it",
-                "it does" if failed is None else failed,
-                proof=reproducer_of(becomes_parallel),
-            )
+            expected = "aec_to_parallel steps it"
+            seen = "it does" if failed is None else failed
+            yield Case(fact.where, failed is None, expected, seen, reproducer_of(becomes_parallel))
 
 
 @check(
@@ -88,10 +84,6 @@ def cycles_show_nothing_before_their_end(contract: Contract, evidence: ProbeEvid
             yield Case(fact.where, True)
         if changed is not None:
             after = ", ".join(map(repr, changed.after)) or "nobody"
-            yield Case(
-                fact.where,
-                False,
-                "the observation that it would have had when the cycle began",
-                f"another one, as {after} acted",
-                proof=reproducer_of(cycles_close),
-            )
+            expected = "the observation that it would have had when the cycle began"
+            seen = f"another one, as {after} acted"
+            yield Case(fact.where, False, expected, seen, reproducer_of(cycles_close))

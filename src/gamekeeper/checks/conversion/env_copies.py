@@ -27,13 +27,10 @@ def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Cases:
         if who == "original" and fact.value.refused and fact.value.original is None:
             continue
         wrong = fact.value.copy if who == "copy" else fact.value.original
-        yield Case(
-            replace(fact.where, turn=None if wrong is None else fact.where.turn),
-            wrong is None,
-            "it goes on like a play of which no copy was made",
-            "it does" if wrong is None else wrong,
-            proof=reproducer_of(copies_go_on, compares=True, at=fact.value.at, way=way, who=who),
-        )
+        where = replace(fact.where, turn=None if wrong is None else fact.where.turn)
+        expected = "it goes on like a play of which no copy was made"
+        proof = reproducer_of(copies_go_on, compares=True, at=fact.value.at, way=way, who=who)
+        yield Case(where, wrong is None, expected, "it does" if wrong is None else wrong, proof)
 
 
 def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:

@@ -56,13 +56,10 @@ def endings_reach_all_whom_they_are_declared_for(
                 if owed is None:
                     continue
                 left = sorted(owed - known)
-                yield Case(
-                    trace.at(turn, agent, "endings"),
-                    not left,
-                    "all of them end with it",
-                    f"{', '.join(left)} went on",
-                    proof=reproducer_of(endings_take_all, api=evidence.api),
-                )
+                where = trace.at(turn, agent, "endings")
+                expected = "all of them end with it"
+                proof = reproducer_of(endings_take_all, api=evidence.api)
+                yield Case(where, not left, expected, f"{', '.join(left)} went on", proof)
 
 
 def _owners(
@@ -112,13 +109,10 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases
     left = _left_a_turn if evidence.api == "aec" else _left_a_tick
     for trace, turn, agent, has_ended in left(evidence):
         if not may_leave(contract, agent):
-            yield Case(
-                trace.at(turn, agent, "agents"),
-                has_ended,
-                "a termination or a truncation",
-                "it is gone without either",
-                proof=PROOFS[evidence.api],
-            )
+            where = trace.at(turn, agent, "agents")
+            expected = "a termination or a truncation"
+            seen = "it is gone without either"
+            yield Case(where, has_ended, expected, seen, PROOFS[evidence.api])
 
 
 def _left_a_tick(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
@@ -214,10 +208,6 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
             if not ended or not turn.index:
                 continue
             still = sorted(ended & turn.live)
-            yield Case(
-                trace.at(turn, still[0] if still else None, "agents"),
-                not still,
-                "only those who go on",
-                f"{', '.join(still)} ended, and stays",
-                proof=ENDED_OUT_PROOF,
-            )
+            where = trace.at(turn, still[0] if still else None, "agents")
+            seen = f"{', '.join(still)} ended, and stays"
+            yield Case(where, not still, "only those who go on", seen, ENDED_OUT_PROOF)

@@ -46,13 +46,9 @@ def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
                 if nonconforming.get(name, {}).get("type", "missing") != "missing"
             ]
             for agent, name, flag in bad:
-                yield Case(
-                    trace.at(turn, agent, BOOKS[name]),
-                    False,
-                    "a bool",
-                    f"{flag['type']}: {shown(flag.get('value'))}",
-                    proof=_proof(evidence.api, BOOKS[name]),
-                )
+                where = trace.at(turn, agent, BOOKS[name])
+                seen = f"{flag['type']}: {shown(flag.get('value'))}"
+                yield Case(where, False, "a bool", seen, _proof(evidence.api, BOOKS[name]))
             if not bad and (turn.terminated or turn.truncated):
                 yield Case(trace.at(turn, None, "terminations"), True)
     for fact in evidence.facts(NumpyFlag):
@@ -97,13 +93,10 @@ def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
                 flags = turn.terminated.get(agent), turn.truncated.get(agent)
                 if flags == (None, None):
                     continue  # nothing is said of it at this turn
-                yield Case(
-                    trace.at(turn, agent, "terminations"),
-                    agent in ended_in(turn),
-                    "terminated or truncated, as before",
-                    "neither",
-                    proof=reproducer_of(flags_stay_up),
-                )
+                where = trace.at(turn, agent, "terminations")
+                is_ok = agent in ended_in(turn)
+                expected = "terminated or truncated, as before"
+                yield Case(where, is_ok, expected, "neither", reproducer_of(flags_stay_up))
             ended |= turn.ended & roster
 
 
@@ -138,18 +131,8 @@ def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) ->
         if not turns:
             continue
         flagged = first or second
-        yield Case(
-            replace(fact.where, turn=0),
-            not flagged,
-            "no flags up",
-            f"up: {', '.join(flagged)}",
-            proof=FRESH,
-        )
+        where = replace(fact.where, turn=0)
+        yield Case(where, not flagged, "no flags up", f"up: {', '.join(flagged)}", FRESH)
         if not flagged and rosters[fact.where.play].again is not None:
-            yield Case(
-                replace(fact.where, turn=turns - 1, field="terminations after the next reset"),
-                not third,
-                "no flags up",
-                f"up: {', '.join(third)}",
-                proof=AFTER,
-            )
+            where = replace(fact.where, turn=turns - 1, field="terminations after the next reset")
+            yield Case(where, not third, "no flags up", f"up: {', '.join(third)}", AFTER)

@@ -50,13 +50,8 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> C
     """
     for fact in evidence.facts(StepAfterEnd):
         gave = fact.value.gave
-        yield Case(
-            fact.where,
-            not gave,
-            "an exception, or nothing",
-            f"the step after the end gives {gave}",
-            proof=fact.proof,
-        )
+        seen = f"the step after the end gives {gave}"
+        yield Case(fact.where, not gave, "an exception, or nothing", seen, fact.proof)
 
 
 @check(
@@ -83,13 +78,8 @@ def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
     """
     for fact in evidence.facts(StepBeforeReset):
         gave = fact.value.gave
-        yield Case(
-            fact.where,
-            not gave,
-            "an exception, or nothing",
-            f"the step before any reset gives {gave}",
-            proof=fact.proof,
-        )
+        seen = f"the step before any reset gives {gave}"
+        yield Case(fact.where, not gave, "an exception, or nothing", seen, fact.proof)
 
 
 @check(
@@ -115,13 +105,8 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
             return self._was_dead_step(action)
     """
     for fact in evidence.facts(DeadAction):
-        yield Case(
-            fact.where,
-            fact.value.raised is not None,
-            "an exception",
-            f"{fact.value.agent!r} has ended, and its action is accepted",
-            proof=fact.proof,
-        )
+        seen = f"{fact.value.agent!r} has ended, and its action is accepted"
+        yield Case(fact.where, fact.value.raised is not None, "an exception", seen, fact.proof)
 
 
 @check(
@@ -149,21 +134,13 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     for fact in evidence.facts(LaterReset):
         raised, agents = fact.value.raised, fact.value.agents
-        yield Case(
-            fact.where,
-            raised is None and agents != 0,
-            "a new episode that can be played",
-            f"{fact.value.when}: {raised or 'nobody is in agents'}",
-            proof=fact.proof,
-        )
+        is_ok = raised is None and agents != 0
+        seen = f"{fact.value.when}: {raised or 'nobody is in agents'}"
+        yield Case(fact.where, is_ok, "a new episode that can be played", seen, fact.proof)
     for ignored in evidence.facts(IgnoredResets):
-        yield Case(
-            ignored.where,
-            not ignored.value.is_ignored,
-            "what the first reset with this seed gave",
-            "a reset in mid-episode gives what stood there before it",
-            proof=ignored.proof,
-        )
+        expected = "what the first reset with this seed gave"
+        seen = "a reset in mid-episode gives what stood there before it"
+        yield Case(ignored.where, not ignored.value.is_ignored, expected, seen, ignored.proof)
 
 
 @check(
@@ -189,13 +166,9 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
         if all(fact.value.raised.values()):
             continue
         for words, raised in fact.value.raised.items():
-            yield Case(
-                fact.where,
-                raised is None,
-                f"reset({words}) begins an episode",
-                raised,
-                proof=Reproducer(f"make().reset({words})", plays=False),
-            )
+            is_ok = raised is None
+            proof = Reproducer(f"make().reset({words})", plays=False)
+            yield Case(fact.where, is_ok, f"reset({words}) begins an episode", raised, proof)
 
 
 @check(
@@ -258,13 +231,9 @@ def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     for fact in evidence.facts(EndedActions):
         turn, agents = fact.value.turn, fact.value.agents
-        yield Case(
-            fact.where,
-            turn is None,
-            "the same play, whatever those who ended do",
-            f"another one from turn {turn} on, by what {agents} did",
-            proof=fact.proof,
-        )
+        expected = "the same play, whatever those who ended do"
+        seen = f"another one from turn {turn} on, by what {agents} did"
+        yield Case(fact.where, turn is None, expected, seen, fact.proof)
 
 
 EXPECTED: Final = "`last()` and None steps that raise nothing"
@@ -303,13 +272,9 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
             yield Case(_end(look), True)
         elif selected and selected[-1][1] and _is_of_the_loop(look, raised.value):
             agent = selected[-1][0]
-            yield Case(
-                _trace(look).at(raised.where.turn, agent, "raised"),
-                False,
-                EXPECTED,
-                f"{raised.value.kind}: {raised.value.text}",
-                proof=SHOWN[raised.value.call],
-            )
+            where = _trace(look).at(raised.where.turn, agent, "raised")
+            seen = f"{raised.value.kind}: {raised.value.text}"
+            yield Case(where, False, EXPECTED, seen, SHOWN[raised.value.call])
 
 
 def _trace(look: ProbeRun) -> Episode:

@@ -66,23 +66,16 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
             acting = [agent for agent in turn.order if agent not in turn.ended]
             is_late = tick >= horizon if api == "parallel" else tick > horizon
             if is_late and acting:
-                yield Case(
-                    trace.at(turn, None, "agents"),
-                    False,
-                    f"the end after {horizon} ticks",
-                    f"{', '.join(acting)} acted in tick {max(tick, horizon + 1)}",
-                    proof=OVER[api],
-                )
+                where = trace.at(turn, None, "agents")
+                seen = f"{', '.join(acting)} acted in tick {max(tick, horizon + 1)}"
+                yield Case(where, False, f"the end after {horizon} ticks", seen, OVER[api])
                 break
             early = _cut(turn)
             if early and tick < horizon and not by_rule:
-                yield Case(
-                    trace.at(turn, early[0], "truncations"),
-                    False,
-                    f"nobody before tick {horizon}",
-                    f"truncated after {tick}",
-                    proof=reproducer_of(no_truncation_alone, api=api),
-                )
+                where = trace.at(turn, early[0], "truncations")
+                expected = f"nobody before tick {horizon}"
+                proof = reproducer_of(no_truncation_alone, api=api)
+                yield Case(where, False, expected, f"truncated after {tick}", proof)
                 break
             if tick == horizon and turn.ended:
                 is_truncated = is_truncated or bool(early)
@@ -293,13 +286,10 @@ def endings_are_of_their_declared_kind(contract: Contract, evidence: ProbeEviden
                     continue
                 flag = FLAGS[declared.kind]
                 other = next(kind for kind in FLAGS if kind != declared.kind)
-                yield Case(
-                    trace.at(turn, agent, "endings"),
-                    bool(getattr(turn, flag).get(agent)),
-                    f"a {declared.kind} by {reason!r}",
-                    f"a {other}",
-                    proof=_proof(evidence.api, agent, declared.kind),
-                )
+                where = trace.at(turn, agent, "endings")
+                is_ok = bool(getattr(turn, flag).get(agent))
+                proof = _proof(evidence.api, agent, declared.kind)
+                yield Case(where, is_ok, f"a {declared.kind} by {reason!r}", f"a {other}", proof)
 
 
 def _proof(api: str, agent: str, kind: str) -> Reproducer:

@@ -98,13 +98,9 @@ def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -
             plays=False,
             imports=("sys", "tracemalloc"),
         )
-        yield Case(
-            _where(plays[0].where, name),
-            not is_growing,
-            f"about {first} {STEP_COST_WORDS[name]}",
-            f"{last} after {len(plays[0].value.live)} turns",
-            proof=proof,
-        )
+        where = _where(plays[0].where, name)
+        seen = f"{last} after {len(plays[0].value.live)} turns"
+        yield Case(where, not is_growing, f"about {first} {STEP_COST_WORDS[name]}", seen, proof)
 
 
 def _by_agent(work: TurnWork, name: str) -> list[float]:
@@ -165,13 +161,10 @@ def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases
             proof = Reproducer(
                 text_of(work)[0] + lines, plays=False, imports=("sys", "tracemalloc")
             )
-            yield Case(
-                replace(fact.where, field=f"episodes.{name}"),
-                not is_growing,
-                f"about {costs[0]} {EPISODE_COST_WORDS[name]} an episode",
-                f"{costs[-1]} after {len(costs)} more",
-                proof=proof,
-            )
+            where = replace(fact.where, field=f"episodes.{name}")
+            is_ok = not is_growing
+            expected = f"about {costs[0]} {EPISODE_COST_WORDS[name]} an episode"
+            yield Case(where, is_ok, expected, f"{costs[-1]} after {len(costs)} more", proof)
 
 
 EPISODE_MEMORY_WARM: Final = 4
@@ -285,10 +278,6 @@ def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Cases:
             proof = Reproducer(
                 STEP_MEMORY_PROOF.format(look=look), plays=False, imports=("gc", "tracemalloc")
             )
-            yield Case(
-                replace(fact.where, field="step.memory"),
-                middle < LEAST_BYTES,
-                f"less than {LEAST_BYTES} bytes a step",
-                f"{middle} bytes a step",
-                proof=proof,
-            )
+            where = replace(fact.where, field="step.memory")
+            expected = f"less than {LEAST_BYTES} bytes a step"
+            yield Case(where, middle < LEAST_BYTES, expected, f"{middle} bytes a step", proof)

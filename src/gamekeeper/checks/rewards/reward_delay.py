@@ -322,13 +322,9 @@ def _case(trial: _Trial, *, ok: bool, api: str, part: str | None) -> Case:
     field = "cumulative_reward" if part is None else f"terms[{part!r}]"
     where: Where = trial.counterfactual.base.at(turn + 2, agent, field)
     reward = "reward" if part is None else f"{part!r}"
-    return Case(
-        where,
-        ok,
-        f"what an agent does moves its {reward} of the same step, if any",
-        f"what it does at turn {turn} moves nobody's {reward} of that step, only its next one",
-        proof=proof,
-    )
+    expected = f"what an agent does moves its {reward} of the same step, if any"
+    seen = f"what it does at turn {turn} moves nobody's {reward} of that step, only its next one"
+    return Case(where, ok, expected, seen, proof)
 
 
 def _proof(agent: str, turn: int, action: Any, part: str | None) -> Reproducer:

@@ -181,13 +181,10 @@ def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Case
         self._accumulate_rewards()
     """
     for told, kind in all_told(evidence):
-        yield Case(
-            told.trace.at(told.turn, told.agent, "cumulative_reward"),
-            kind != "lost",
-            f"{told.owed!r}, the sum of `rewards` since its last turn",
-            f"last() gives {told.told!r}",
-            proof=reproducer_of(rewards_add_up),
-        )
+        where = told.trace.at(told.turn, told.agent, "cumulative_reward")
+        expected = f"{told.owed!r}, the sum of `rewards` since its last turn"
+        seen = f"last() gives {told.told!r}"
+        yield Case(where, kind != "lost", expected, seen, reproducer_of(rewards_add_up))
 
 
 @check(
@@ -264,13 +261,8 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
         owed = fact.value
         found = {"last": owed.last, "rewards": owed.rewards, "cumulative": owed.cumulative}
         books = {name: left for name, left in found.items() if left}
-        yield Case(
-            fact.where,
-            not books,
-            "nothing owed after a reset",
-            "; ".join(f"{name}: {left!r}" for name, left in books.items()),
-            proof=RESET_DEBT_PROOF,
-        )
+        seen = "; ".join(f"{name}: {left!r}" for name, left in books.items())
+        yield Case(fact.where, not books, "nothing owed after a reset", seen, RESET_DEBT_PROOF)
 
 
 @check(
@@ -303,13 +295,10 @@ def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
             ended |= turn.ended
             if is_dead_step(turn):
                 left = _left(turn, stood, ended)
-                yield Case(
-                    trace.at(turn, turn.order[0], "rewards"),
-                    not left,
-                    "nobody is paid by a dead agent's step",
-                    f"rewards after it: {left!r}",
-                    proof=reproducer_of(dead_pay_stops),
-                )
+                where = trace.at(turn, turn.order[0], "rewards")
+                expected = "nobody is paid by a dead agent's step"
+                seen = f"rewards after it: {left!r}"
+                yield Case(where, not left, expected, seen, reproducer_of(dead_pay_stops))
             stood = turn.rewards
 
 

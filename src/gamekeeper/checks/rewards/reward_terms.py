@@ -104,13 +104,10 @@ def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Cases:
                     continue
                 left = reward - sum(terms.values())
                 scale = abs(reward) + sum(map(abs, terms.values()))
-                yield Case(
-                    trace.at(turn, agent, "terms"),
-                    is_zero(left, scale),
-                    f"{reward!r}, the reward",
-                    f"{dict(terms)!r}, which leaves {left!r}",
-                    proof=_sum_proof(evidence.api, agent),
-                )
+                where = trace.at(turn, agent, "terms")
+                seen = f"{dict(terms)!r}, which leaves {left!r}"
+                proof = _sum_proof(evidence.api, agent)
+                yield Case(where, is_zero(left, scale), f"{reward!r}, the reward", seen, proof)
 
 
 def _sum_proof(api: str, agent: str) -> str:

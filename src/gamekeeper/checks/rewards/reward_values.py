@@ -44,22 +44,15 @@ def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
         for turn in trace.turns:
             strange = _strange(turn)
             for agent, seen in strange.items():
-                yield Case(
-                    trace.at(turn, agent, "rewards"),
-                    False,
-                    "one finite real number",
-                    seen,
-                    proof=_number_proof(evidence.api, agent),
-                )
+                where = trace.at(turn, agent, "rewards")
+                expected = "one finite real number"
+                yield Case(where, False, expected, seen, _number_proof(evidence.api, agent))
             for agent, reward in turn.rewards.items():
                 if agent not in strange:
-                    yield Case(
-                        trace.at(turn, agent, "rewards"),
-                        math.isfinite(reward),
-                        "one finite real number",
-                        reward,
-                        proof=_number_proof(evidence.api, agent),
-                    )
+                    where = trace.at(turn, agent, "rewards")
+                    is_ok = math.isfinite(reward)
+                    expected = "one finite real number"
+                    yield Case(where, is_ok, expected, reward, _number_proof(evidence.api, agent))
 
 
 def _strange(turn: Turn) -> dict[str, str]:
@@ -128,13 +121,8 @@ def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Case
                 continue  # what a dead step leaves standing is GK407's
             for agent in sorted(ended):
                 paid = turn.rewards.get(agent, 0.0)
-                yield Case(
-                    trace.at(turn, agent, "rewards"),
-                    paid == 0.0,
-                    0.0,
-                    paid,
-                    proof=_after_end_proof(evidence.api, agent),
-                )
+                where = trace.at(turn, agent, "rewards")
+                yield Case(where, paid == 0.0, 0.0, paid, _after_end_proof(evidence.api, agent))
 
 
 def _after_end_proof(api: str, agent: str) -> str:

@@ -125,13 +125,10 @@ def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvid
             gone -= each.turn.ended - ever  # they joined, and ended in the same step
             bad = [(a, part) for a in sorted(gone) for part in sorted(each.has(a) & ACCOUNTS)]
             for agent, part in bad:
-                yield Case(
-                    entry_place(trace, each.turn, agent, part),
-                    False,
-                    "no entry: it isn't in the game",
-                    f"an entry in {PARTS[part]}",
-                    proof=_gone_proof(part),
-                )
+                expected = "no entry: it isn't in the game"
+                seen = f"an entry in {PARTS[part]}"
+                proof = _gone_proof(part)
+                yield Case(entry_place(trace, each.turn, agent, part), False, expected, seen, proof)
             if not bad:
                 yield Case(trace.at(each.turn, None, "agents"), True)
 
@@ -408,13 +405,10 @@ def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> C
                 (a, part) for a in sorted(gone) for part in sorted(each.has(a) & ENTRIES_AT_RESET)
             ]
             for agent, part in bad:
-                yield Case(
-                    entry_place(trace, each.turn, agent, part),
-                    False,
-                    "no entry: it has left",
-                    f"an entry in {PARTS[part]}",
-                    proof=_gone_view_proof(part),
-                )
+                expected = "no entry: it has left"
+                seen = f"an entry in {PARTS[part]}"
+                proof = _gone_view_proof(part)
+                yield Case(entry_place(trace, each.turn, agent, part), False, expected, seen, proof)
             if not bad:
                 yield Case(trace.at(each.turn, None, "agents"), True)
 

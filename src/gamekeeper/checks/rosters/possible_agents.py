@@ -42,13 +42,9 @@ def possible_agents_are_known_before_a_reset(contract: Contract, evidence: Probe
         before = fact.value.before
         if before is None and all(names is None for names in fact.value.turns):
             continue
-        yield Case(
-            replace(fact.where, turn=0),
-            bool(before),
-            "the names of all possible agents, before any reset",
-            "no such attribute until the reset" if before is None else before,
-            proof=PROOF,
-        )
+        expected = "the names of all possible agents, before any reset"
+        seen = "no such attribute until the reset" if before is None else before
+        yield Case(replace(fact.where, turn=0), bool(before), expected, seen, PROOF)
 
 
 OF_ANOTHER = Reproducer(
@@ -129,23 +125,15 @@ def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Ca
     """
     for roster in evidence.facts(TurnRosters):
         for turn, names in enumerate(roster.value.turns):
-            yield Case(
-                replace(roster.where, turn=turn),
-                len(set(names)) == len(names),
-                "each name once",
-                names,
-                proof=_distinct_proof("agents"),
-            )
+            is_ok = len(set(names)) == len(names)
+            proof = _distinct_proof("agents")
+            yield Case(replace(roster.where, turn=turn), is_ok, "each name once", names, proof)
     for fact in evidence.facts(PossibleAgents):
         for turn, named in enumerate(fact.value.turns):
             if named is not None:
-                yield Case(
-                    replace(fact.where, turn=turn),
-                    len(set(named)) == len(named),
-                    "each name once",
-                    named,
-                    proof=_distinct_proof("possible_agents"),
-                )
+                is_ok = len(set(named)) == len(named)
+                proof = _distinct_proof("possible_agents")
+                yield Case(replace(fact.where, turn=turn), is_ok, "each name once", named, proof)
 
 
 def _distinct_proof(roster: str) -> str:
@@ -185,13 +173,9 @@ def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) 
     for roster in evidence.facts(LiveRosters):
         for turn, names in enumerate(roster.value.turns):
             strangers = sorted(set(names or ()) - possible)
-            yield Case(
-                replace(roster.where, turn=turn),
-                not strangers,
-                sorted(possible),
-                f"also {', '.join(strangers)}",
-                proof=ROSTER,
-            )
+            is_ok = not strangers
+            seen = f"also {', '.join(strangers)}"
+            yield Case(replace(roster.where, turn=turn), is_ok, sorted(possible), seen, ROSTER)
     if evidence.api == "parallel":
         yield from _strangers_in_dictionaries(evidence, possible)
 

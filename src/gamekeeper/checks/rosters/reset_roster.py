@@ -50,33 +50,20 @@ def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) ->
         first, turns, again = fact.value.first, fact.value.turns, fact.value.again
         if not turns or turns[0] is None:
             continue
-        yield Case(
-            replace(fact.where, turn=0),
-            bool(turns[0]),
-            "agents that can act",
-            "nobody",
-            proof=FILLED,
-        )
+        where = replace(fact.where, turn=0)
+        yield Case(where, bool(turns[0]), "agents that can act", "nobody", FILLED)
         # where two resets in a row already differ the play isn't to blame, and where the possible
         # agents have changed that is it
         is_known = first is not None and sorted(first) == sorted(turns[0])
         if turns[0] and is_known and fact.where.play not in shrunk:
-            yield Case(
-                replace(fact.where, turn=len(turns) - 1, field="agents after the next reset"),
-                again is None or set(again) == set(first or ()),
-                first,
-                again,
-                proof=RESTORED,
-            )
+            where = replace(fact.where, turn=len(turns) - 1, field="agents after the next reset")
+            is_ok = again is None or set(again) == set(first or ())
+            yield Case(where, is_ok, first, again, RESTORED)
             if fact.value.midway is not None:
                 turn, midway = fact.value.midway
-                yield Case(
-                    replace(fact.where, turn=turn, field="agents after a reset in mid-episode"),
-                    midway is None or set(midway) == set(first or ()),
-                    first,
-                    midway,
-                    proof=RESTORED,
-                )
+                where = replace(fact.where, turn=turn, field="agents after a reset in mid-episode")
+                is_ok = midway is None or set(midway) == set(first or ())
+                yield Case(where, is_ok, first, midway, RESTORED)
 
 
 @check(
@@ -139,13 +126,10 @@ def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvide
             back = sorted(live & gone)
             back = [agent for agent in back if not _may_return(contract, trace, agent, turn)]
             if gone:
-                yield Case(
-                    trace.at(turn, back[0] if back else None, "agents"),
-                    not back,
-                    "gone for the rest of the episode",
-                    f"back: {', '.join(back)}",
-                    proof=_proof(evidence.api),
-                )
+                where = trace.at(turn, back[0] if back else None, "agents")
+                expected = "gone for the rest of the episode"
+                seen = f"back: {', '.join(back)}"
+                yield Case(where, not back, expected, seen, _proof(evidence.api))
             gone -= live
 
 
@@ -190,10 +174,6 @@ def rosters_are_lists(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for fact in evidence.facts(RosterKinds):
         for turn, kinds in fact.value.kinds:
             for roster, kind in zip(ROSTERS, kinds, strict=False):
-                yield Case(
-                    replace(fact.where, turn=turn, field=roster),
-                    kind in FINE,
-                    "a list",
-                    f"a {kind}",
-                    proof=f"assert isinstance(env.{roster}, (list, tuple)), type(env.{roster})",
-                )
+                where = replace(fact.where, turn=turn, field=roster)
+                proof = f"assert isinstance(env.{roster}, (list, tuple)), type(env.{roster})"
+                yield Case(where, kind in FINE, "a list", f"a {kind}", proof)

@@ -82,13 +82,10 @@ def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) 
         if first_divergence is None:
             yield Case(counterfactual.base.at(None, None, "kept"), True)
             continue
-        yield Case(
-            counterfactual.base.at(env_steps_of(first_divergence), None, "kept"),
-            False,
-            "the play goes on as if nothing was written",
-            first_divergence_words(first_divergence),
-            proof=reproducer_of(actions_are_read_at_once, compares=True),
-        )
+        where = counterfactual.base.at(env_steps_of(first_divergence), None, "kept")
+        expected = "the play goes on as if nothing was written"
+        proof = reproducer_of(actions_are_read_at_once, compares=True)
+        yield Case(where, False, expected, first_divergence_words(first_divergence), proof)
 
 
 LINES = """\

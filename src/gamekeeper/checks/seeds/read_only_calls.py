@@ -40,21 +40,15 @@ def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Cases:
         if first_divergence is None:
             yield Case(counterfactual.base.at(None, None, kind), True)
         elif "next" in counterfactual.change:
-            yield Case(
-                counterfactual.base.at(counterfactual.change["next"], None, kind),
-                False,
-                "the next reset goes on drawing as if nobody had called",
-                f"after a reset without a seed {first_divergence_words(first_divergence)}",
-                proof=_proof(evidence.api, kind, is_next=True),
-            )
+            where = counterfactual.base.at(counterfactual.change["next"], None, kind)
+            expected = "the next reset goes on drawing as if nobody had called"
+            seen = f"after a reset without a seed {first_divergence_words(first_divergence)}"
+            yield Case(where, False, expected, seen, _proof(evidence.api, kind, is_next=True))
         else:
-            yield Case(
-                counterfactual.base.at(env_steps_of(first_divergence), None, kind),
-                False,
-                "the play goes on as if nobody had called",
-                first_divergence_words(first_divergence),
-                proof=_proof(evidence.api, kind),
-            )
+            where = counterfactual.base.at(env_steps_of(first_divergence), None, kind)
+            expected = "the play goes on as if nobody had called"
+            seen = first_divergence_words(first_divergence)
+            yield Case(where, False, expected, seen, _proof(evidence.api, kind))
 
 
 def _is_blamed(evidence: ProbeEvidence, kind: str) -> bool:

@@ -86,13 +86,9 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Case
         if len(set(seeded)) > 1:
             yield Case(plays.where, True, "plays that differ", "plays that differ")
         elif len(set(openings)) > 1:
-            yield Case(
-                plays.where,
-                False,
-                "plays that differ, as unseeded ones do",
-                f"{len(seeded)} seeds, and all of them give the same play",
-                _differing_seeds_proof(evidence.api),
-            )
+            expected = "plays that differ, as unseeded ones do"
+            seen = f"{len(seeded)} seeds, and all of them give the same play"
+            yield Case(plays.where, False, expected, seen, _differing_seeds_proof(evidence.api))
         elif other is not None and other.value.difference is not None:
             yield Case(
                 other.where,
@@ -266,13 +262,10 @@ def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases
             if counterfactual.divergence is None:
                 yield Case(whole(counterfactual), True, "seeds are obeyed", "seeds are obeyed")
             elif counterfactual.noise is None and is_blind_later(look):
-                yield Case(
-                    difference_place(counterfactual, counterfactual.divergence),
-                    False,
-                    "the play of this seed",
-                    f"the same play for any seed: {told_difference(counterfactual.divergence)}",
-                    _later_seeds_proof(evidence.api),
-                )
+                where = difference_place(counterfactual, counterfactual.divergence)
+                expected = "the play of this seed"
+                seen = f"the same play for any seed: {told_difference(counterfactual.divergence)}"
+                yield Case(where, False, expected, seen, _later_seeds_proof(evidence.api))
 
 
 def _later_seeds_proof(api: str) -> Reproducer:
@@ -328,13 +321,10 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
         elif len(set(seeded)) > 1:
             p = p_all_alike(seeded, len(unseeded))
             if p < FALSE_ALARM:
+                expected = "plays that differ, as those of seeds do"
+                seen = f"{len(unseeded)} resets without a seed, and the same play after each"
                 yield Case(
-                    at,
-                    False,
-                    "plays that differ, as those of seeds do",
-                    f"{len(unseeded)} resets without a seed, and the same play after each",
-                    _unseeded_proof(evidence.api),
-                    confidence=1.0 - p,
+                    at, False, expected, seen, _unseeded_proof(evidence.api), confidence=1.0 - p
                 )
 
 

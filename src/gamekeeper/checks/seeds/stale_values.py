@@ -26,13 +26,9 @@ def kept_cases(evidence: ProbeEvidence, *fields: str) -> Cases:
         for _ in range(fine):
             yield Case(fact.where, True)
         if changed is not None:
-            yield Case(
-                fact.where,
-                False,
-                f"what was handed out at turn {changed.given} stays as it is",
-                f"it has changed by turn {changed.seen}",
-                proof=_kept_proof(evidence.api, fact.where.field),
-            )
+            expected = f"what was handed out at turn {changed.given} stays as it is"
+            proof = _kept_proof(evidence.api, fact.where.field)
+            yield Case(fact.where, False, expected, f"it has changed by turn {changed.seen}", proof)
 
 
 def _of(evidence: ProbeEvidence, kind: type[T], field: str) -> Iterator[Fact[T]]:

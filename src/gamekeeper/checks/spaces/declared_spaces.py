@@ -32,13 +32,8 @@ def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Ca
     for fact in evidence.facts(AskedSpace):
         value, agent = fact.value, fact.where.agent
         seen = f"{value.failed or 'a ' + value.type}, {value.when}"
-        yield Case(
-            fact.where,
-            value.space is not None,
-            "a Gymnasium space",
-            seen,
-            proof=_early_spaces_proof(str(agent), str(value.which), str(value.when)),
-        )
+        proof = _early_spaces_proof(str(agent), str(value.which), str(value.when))
+        yield Case(fact.where, value.space is not None, "a Gymnasium space", seen, proof)
 
 
 def _early_spaces_proof(agent: str, which: str, when: str) -> Reproducer:
@@ -79,13 +74,9 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
         if fact.value.space is None:
             continue
         name = fact.where.field
-        yield Case(
-            fact.where,
-            bool(fact.value.is_same),
-            "the same object twice",
-            "two objects",
-            proof=f"for agent in env.agents:\n    assert env.{name}(agent) is env.{name}(agent)",
-        )
+        is_ok = bool(fact.value.is_same)
+        proof = f"for agent in env.agents:\n    assert env.{name}(agent) is env.{name}(agent)"
+        yield Case(fact.where, is_ok, "the same object twice", "two objects", proof)
 
 
 @check(
@@ -109,13 +100,8 @@ def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     for fact in evidence.facts(ChangedSpace):
         value, agent, name = fact.value, str(fact.where.agent), fact.where.field
-        yield Case(
-            fact.where,
-            bool(value.is_same),
-            value.was,
-            value.now,
-            proof=_space_change_proof(agent, name, is_later=value.when == "after another reset"),
-        )
+        proof = _space_change_proof(agent, name, is_later=value.when == "after another reset")
+        yield Case(fact.where, bool(value.is_same), value.was, value.now, proof)
 
 
 def _space_change_proof(agent: str, name: str, *, is_later: bool) -> Reproducer:

@@ -125,13 +125,10 @@ def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
                 for name, each in declared.items():
                     if name in info:
                         seen = fault_of(each, info[name])
-                        yield Case(
-                            trace.at(turn, agent, f"infos[{name!r}]"),
-                            seen is None,
-                            f"dtype {each.dtype}, shape {each.shape}",
-                            seen,
-                            proof=_info_declared_proof(evidence.api, agent, name, each),
-                        )
+                        where = trace.at(turn, agent, f"infos[{name!r}]")
+                        expected = f"dtype {each.dtype}, shape {each.shape}"
+                        proof = _info_declared_proof(evidence.api, agent, name, each)
+                        yield Case(where, seen is None, expected, seen, proof)
 
 
 def fault_of(declared: InfoField, value: Any) -> str | None:

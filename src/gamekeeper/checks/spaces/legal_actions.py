@@ -164,13 +164,9 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
     may_blame_masks = _may_blame_masks(turns)
     for taken in turns:
         if not taken.is_masked or not may_blame_masks:
-            yield Case(
-                taken.trace.at(taken.turn, taken.agent, "raised"),
-                taken.raised is None,
-                "a step that takes actions of the action space",
-                taken.raised,
-                proof=PROOF,
-            )
+            where = taken.trace.at(taken.turn, taken.agent, "raised")
+            expected = "a step that takes actions of the action space"
+            yield Case(where, taken.raised is None, expected, taken.raised, PROOF)
 
 
 @check(
@@ -201,13 +197,10 @@ def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -
         if fact.value.is_legal:
             continue
         value = fact.value
-        yield Case(
-            fact.where,
-            value.again is None,
-            "a reset that starts a playable episode",
-            f"after the action ({value.case}) {value.again}",
-            proof=illegal_proof(evidence.api, fact.where.turn, value, AGAIN),
-        )
+        is_ok = value.again is None
+        seen = f"after the action ({value.case}) {value.again}"
+        proof = illegal_proof(evidence.api, fact.where.turn, value, AGAIN)
+        yield Case(fact.where, is_ok, "a reset that starts a playable episode", seen, proof)
 
 
 AGAIN = "env.reset(seed=SEED)\nfor actions in ACTIONS:\n    env.step(actions)"
@@ -327,10 +320,6 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
     turns = list(legal_turns(contract, evidence))
     for taken in turns if _may_blame_masks(turns) else ():
         if taken.is_masked:
-            yield Case(
-                taken.trace.at(taken.turn, taken.agent, "raised"),
-                taken.raised is None,
-                "a step that takes what the masks allow",
-                taken.raised,
-                proof=UNFINISHED,
-            )
+            where = taken.trace.at(taken.turn, taken.agent, "raised")
+            expected = "a step that takes what the masks allow"
+            yield Case(where, taken.raised is None, expected, taken.raised, UNFINISHED)

@@ -97,13 +97,9 @@ def _looked(
     if found is None:
         return Case(trace.at(turn, agent, "observations"), True)
     where = trace.at(turn, agent, f"observations{found.path}")
+    proof = misfit_proof(evidence.api, agent, found)
     return Case(
-        where,
-        False,
-        found.expected,
-        found.actual,
-        proof=misfit_proof(evidence.api, agent, found),
-        severity=LOW if found.is_taken else None,
+        where, False, found.expected, found.actual, proof, severity=LOW if found.is_taken else None
     )
 
 

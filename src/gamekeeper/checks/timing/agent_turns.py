@@ -174,13 +174,10 @@ def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for play in aec_steps(evidence):
         for each in play:
             if each.is_dead:
-                yield Case(
-                    each.trace.at(each.turn + 1, each.actor, "agents"),
-                    each.actor not in each.after,
-                    "gone after its None step",
-                    "still in `agents`",
-                    proof=reproducer_of(dead_agent_is_removed),
-                )
+                where = each.trace.at(each.turn + 1, each.actor, "agents")
+                is_ok = each.actor not in each.after
+                proof = reproducer_of(dead_agent_is_removed)
+                yield Case(where, is_ok, "gone after its None step", "still in `agents`", proof)
 
 
 ROUNDS: Final = 5
@@ -264,10 +261,6 @@ def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Ca
     for fact in evidence.facts(IteratedAgents):
         seen = fact.value
         is_long = len(seen.named) == seen.asked
-        yield Case(
-            fact.where,
-            is_long and seen.named == seen.selected,
-            f"{seen.asked} turns, of {seen.selected}",
-            f"{seen.named}",
-            proof=fact.proof,
-        )
+        is_ok = is_long and seen.named == seen.selected
+        expected = f"{seen.asked} turns, of {seen.selected}"
+        yield Case(fact.where, is_ok, expected, f"{seen.named}", fact.proof)

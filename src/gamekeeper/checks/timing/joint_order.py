@@ -142,10 +142,6 @@ def draws_are_free_of_the_actions_order(contract: Contract, evidence: ProbeEvide
         if is_drawn and min(value.p_values, default=1.0) <= LEVEL:
             continue  # the outcome, which GK311 tells
         if is_drawn or value.result in ("same", "rounding"):
-            yield Case(
-                fact.where,
-                not is_drawn,
-                "the same episode whatever the order of the dictionary",
-                f"another one from turn {value.turn} on, with the same chances",
-                proof=proof_of_order(value.order),
-            )
+            expected = "the same episode whatever the order of the dictionary"
+            seen = f"another one from turn {value.turn} on, with the same chances"
+            yield Case(fact.where, not is_drawn, expected, seen, proof_of_order(value.order))

@@ -99,13 +99,9 @@ def _looks(contract: Contract, before: _Tick | None, tick: _Tick) -> Cases:
     if before is not None and tick.is_whole:
         faults.append(_out_of_order(contract, before, tick))
     for fault in faults:
-        yield Case(
-            tick.env_steps[0].trace.at(last.turn, last.actor, "order"),
-            fault is None,
-            _declared_order_applies(contract),
-            fault,
-            proof=reproducer_of(shows_order),
-        )
+        where = tick.env_steps[0].trace.at(last.turn, last.actor, "order")
+        expected = _declared_order_applies(contract)
+        yield Case(where, fault is None, expected, fault, reproducer_of(shows_order))
 
 
 def _declared_order_applies(contract: Contract) -> str:
