@@ -25,12 +25,7 @@ NEAR: Final = 1e-3
 """Tolerance, as a part of the mark: accounts may be of float16."""
 
 
-def _books_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """A few, of some length each."""
-    yield from lab.plays(PLAYS, runs=RUNS)
-
-
-@probe("books", share=1.5, plays=_books_plays, api="aec")
+@probe("books", share=1.5, plays=lambda lab: lab.plays(PLAYS, runs=RUNS), api="aec")
 def books(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Books of an AEC environment: `last()` itself, what stands in `rewards`, resets.
 

@@ -37,12 +37,7 @@ Told = list[tuple[str, Any, Any]]
 """By and by what was given: what it is, whose, a snapshot."""
 
 
-def _copies_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One play, some eight times over; copies are made in its midst."""
-    return lab.plays(1, runs=8, most_turns=60)
-
-
-@probe("copies", share=0.8, plays=_copies_plays)
+@probe("copies", share=0.8, plays=lambda lab: lab.plays(1, runs=8, most_turns=60))
 def copies(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Copies of an environment in mid-play go on beside the original, with the same actions.
 

@@ -31,12 +31,7 @@ RARE: Final = frozenset({"low", "high", "plain", "narrow"})
 """Cases that are legal."""
 
 
-def _illegal_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Three short ones."""
-    return lab.plays(3, most_turns=MOST_TURNS)
-
-
-@probe("illegal", share=1.0, plays=_illegal_plays)
+@probe("illegal", share=1.0, plays=lambda lab: lab.plays(3, most_turns=MOST_TURNS))
 def illegal(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Illegal actions: out of the space, forbidden by the mask, missing, unknown, None, NaN.
 
@@ -225,12 +220,7 @@ BEYOND: Final = 10
 """Turns after somebody's end in which an action of theirs may show."""
 
 
-def _ended_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """A few, long enough for somebody to end before the others."""
-    yield from lab.plays(PLAYS, runs=3)
-
-
-@probe("ended", share=1.0, plays=_ended_plays, api="parallel")
+@probe("ended", share=1.0, plays=lambda lab: lab.plays(PLAYS, runs=3), api="parallel")
 def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Actions of agents that have ended in a Parallel environment: do they change anything?
 

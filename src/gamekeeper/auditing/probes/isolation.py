@@ -94,12 +94,7 @@ APART: Final = 500
 """Distance of the other instance's seed from that of the episode."""
 
 
-def _alternated_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Two, each played alone and beside another."""
-    return lab.plays(2, runs=4)
-
-
-@probe("alternated", share=1.0, plays=_alternated_plays, fresh=True)
+@probe("alternated", share=1.0, plays=lambda lab: lab.plays(2, runs=4), fresh=True)
 def alternated(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """A play beside another instance that is built, reset and stepped in turns with it.
 

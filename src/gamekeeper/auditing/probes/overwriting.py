@@ -34,12 +34,7 @@ SURE: Final = 3
 KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
 
 
-def _written_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones; each is played as it is, with an unchanged rerun, and written into."""
-    return lab.long_plays(4, runs=3, most_turns=200)
-
-
-@probe("written", share=0.8, plays=_written_plays)
+@probe("written", share=0.8, plays=lambda lab: lab.long_plays(4, runs=3, most_turns=200))
 def written(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Values that were handed out, written into: does the game go another way?
 

@@ -23,12 +23,7 @@ RESETS: Final = 12
 """Resets without a seed that must agree before one of them is compared with another play."""
 
 
-def _extra_calls_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long episodes: as they are, with an unchanged rerun, with the calls; all of it twice."""
-    return lab.long_plays(3, runs=7, most_turns=200)
-
-
-@probe("extra_calls", share=1.0, plays=_extra_calls_plays)
+@probe("extra_calls", share=1.0, plays=lambda lab: lab.long_plays(3, runs=7, most_turns=200))
 def extra_calls(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Calls that only look are made more often: does the game go another way?
 

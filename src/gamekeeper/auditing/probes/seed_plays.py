@@ -33,16 +33,11 @@ from gamekeeper.rollouts.process_randomness import LATER_S, held, later, reseed,
 PLAYS: Final = 3
 
 
-def _same_seed_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones, each played three times, the first one once more."""
-    return lab.plays(PLAYS, runs=3)
-
-
 OTHERWISE: Final = 90_127
 """Seed of the global generators in the play that starts them elsewhere."""
 
 
-@probe("same_seed", share=1.5, plays=_same_seed_plays)
+@probe("same_seed", share=1.5, plays=lambda lab: lab.plays(PLAYS, runs=3))
 def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The same seed and actions once more, in a second instance where one can be had.
 
@@ -188,12 +183,8 @@ ELSEWHERE: Final = 7_919
 """Any number that nobody is likely to seed with."""
 
 
-def _unseeded_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """A short one: what is drawn at the reset shows at once."""
-    return lab.plays(1, runs=8, most_turns=UNSEEDED_TURNS)
-
-
-@probe("unseeded", share=0.5, plays=_unseeded_plays)
+# what is drawn at the reset shows at once
+@probe("unseeded", share=0.5, plays=lambda lab: lab.plays(1, runs=8, most_turns=UNSEEDED_TURNS))
 def unseeded(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Resets with several seeds beside resets without one: where do they lead?
 
@@ -318,12 +309,7 @@ BEFORE: Final = (1, 4)
 """Plays of an episode, one after the other, that go before it, by look: the most."""
 
 
-def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones, so that whole episodes go before."""
-    return lab.plays(2, runs=7)
-
-
-@probe("second_episode", share=1.5, plays=_second_episode_plays)
+@probe("second_episode", share=1.5, plays=lambda lab: lab.plays(2, runs=7))
 def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """An episode in an instance that was used before, beside the same in a fresh one.
 

@@ -313,12 +313,7 @@ MOST_TURNS: Final = 20
 MOST_MODES: Final = 3
 
 
-def _metadata_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One short play."""
-    yield from lab.plays(1, most_turns=MOST_TURNS)
-
-
-@probe("metadata", share=0.2, plays=_metadata_plays)
+@probe("metadata", share=0.2, plays=lambda lab: lab.plays(1, most_turns=MOST_TURNS))
 def metadata(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Metadata, before and after the environment was used.
 
