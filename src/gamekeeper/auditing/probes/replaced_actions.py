@@ -64,7 +64,7 @@ def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         found, action = other(lab, agent, turn.actions[agent], mask, turn.index)
         if not found:
             continue
-        later = _later(lab)
+        later = LAGS if lab.api == "parallel" else min(LAGS * len(lab.agents), MOST_LATER)
         # in AEC what comes of the last step is only seen by whoever is asked next
         cut = (base.play.actions or ())[: turn.index + 1 + later + (lab.api == "aec")]
         trial = replace(base, play=replace(base.play, actions=cut, most_turns=len(cut)))
@@ -88,10 +88,6 @@ def _legal_for(lab: ProbeSession, trace: Episode, start: int, later: int) -> int
                 if int(action) not in legal(space, mask):
                     return turn.index - start - 1
     return later
-
-
-def _later(lab: ProbeSession) -> int:
-    return LAGS if lab.api == "parallel" else min(LAGS * len(lab.agents), MOST_LATER)
 
 
 def _influence_movers(turn: Turn) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
@@ -269,7 +269,7 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
         raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)
         selected = [] if named is None else named.value.turns
         if raised is None:
-            yield Case(_end(look), True)
+            yield Case(_trace(look).at(None, None, "raised"), True)
         elif selected and selected[-1][1] and _is_of_the_loop(look, raised.value):
             agent = selected[-1][0]
             where = _trace(look).at(raised.where.turn, agent, "raised")
@@ -279,10 +279,6 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 def _trace(look: ProbeRun) -> Episode:
     return look.traces[0]
-
-
-def _end(look: ProbeRun) -> Any:
-    return _trace(look).at(None, None, "raised")
 
 
 def _is_of_the_loop(look: ProbeRun, raised: RaisedCall) -> bool:
