@@ -45,10 +45,8 @@ def effects(counterfactual: ProbeCounterfactual) -> Iterator[ActionEffect]:
     source, start = str(counterfactual.change["agent"]), int(counterfactual.change["turn"])
     later = int(counterfactual.change["later"])
     end = _last_equal(counterfactual)
-    base, changed = (
-        by_turn(counterfactual.base, start, end),
-        by_turn(counterfactual.trace, start, end),
-    )
+    base = by_turn(counterfactual.base, start, end)
+    changed = by_turn(counterfactual.trace, start, end)
     names = sorted({name for turn in base.values() for name in turn.agents})
     for turn in sorted(base.keys() & changed.keys()):
         one, two = base[turn], changed[turn]

@@ -169,10 +169,8 @@ def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _
     agent, start = str(counterfactual.change["agent"]), int(counterfactual.change["turn"])
     noise = counterfactual.noise
     end = None if noise is None else (noise.turn or 0)
-    base, changed = (
-        by_turn(counterfactual.base, start, end),
-        by_turn(counterfactual.trace, start, end),
-    )
+    base = by_turn(counterfactual.base, start, end)
+    changed = by_turn(counterfactual.trace, start, end)
     if api == "parallel":
         pairs = [(base.get(start + k), changed.get(start + k)) for k in (1, 2)]
     else:

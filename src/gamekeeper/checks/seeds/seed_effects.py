@@ -74,11 +74,9 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Case
             self.board = self.rng.permutation(9)
     """
     for look in evidence.looks.get("unseeded", ()):
-        plays, first, other = (
-            look.fact(SeededPlays),
-            look.fact(UnseededOpenings),
-            look.fact(PlayElsewhere),
-        )
+        plays = look.fact(SeededPlays)
+        first = look.fact(UnseededOpenings)
+        other = look.fact(PlayElsewhere)
         if plays is None:
             continue
         seeded = plays.value.digests
