@@ -14,6 +14,7 @@ from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.agent_spec import AgentSpec
+from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.exception_text import message, traceback_text
 from gamekeeper.episodes.layout import agent_name
@@ -240,14 +241,24 @@ class ProbeSession:
         **options: Any,
     ) -> ProbeCounterfactual:
         """The base's actions played again with one change, beside its unchanged rerun."""
-        counterfactual = self.play(base.play, env, change=change, **options)
-        return ProbeCounterfactual(
-            base.trace,
-            unchanged_rerun.trace,
-            counterfactual.trace,
-            change.to_json(),
-            tuple(self.contract.volatile_infos()),
-        )
+        changed = self.play(base.play, env, change=change, **options)
+        return self.beside(base.trace, unchanged_rerun.trace, changed.trace, change.to_json())
+
+    def beside(
+        self, base: Episode, unchanged_rerun: Episode, changed: Episode, change: Mapping[str, Any]
+    ) -> ProbeCounterfactual:
+        """Episodes of a play: as it was, once more with nothing changed, and with a change."""
+        volatile = tuple(self.contract.volatile_infos())
+        return ProbeCounterfactual(base, unchanged_rerun, changed, change, volatile)
+
+    def divergence(self, one: Episode, two: Episode) -> Divergence | None:
+        """The first divergence of two episodes, in anything but volatile infos."""
+        return compare(one, two, volatile=self.contract.volatile_infos()).divergence
+
+    def fresh(self, play: EpisodePlan, **options: Any) -> EpisodeResult:
+        """Plays in an instance that is built, too, while the process's generators are held."""
+        with held():
+            return self.play(play, self.env(), **options)
 
     def call(
         self, name: str, function: Callable[..., Any], *arguments: Any, **named: Any

@@ -22,7 +22,7 @@ from gamekeeper.checks.story import (
     first_divergence_words,
     story_proof,
 )
-from gamekeeper.episodes.divergence import Divergence, compare
+from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.episode import MASK, Episode
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -104,7 +104,7 @@ def _first_divergence(
     one, two = base.trace, other.trace
     if lab.api == "aec" and kind in ("", "infos", "masks"):
         one, two = _without_infos(one), _without_infos(two)
-    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence
+    return lab.divergence(one, two)
 
 
 def _without_infos(trace: Episode) -> Episode:

@@ -22,7 +22,6 @@ from gamekeeper.checks.facts.play_facts import (
     UnwrittenActions,
 )
 from gamekeeper.checks.facts.state_facts import StateAnswer
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
@@ -122,10 +121,7 @@ def evidence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     unchanged_rerun = lab.play(base.play)
     again = _replayed(lab, base.trace, lab.env(), {agent_name(agent): agent for agent in names})
     if isinstance(again, Episode):
-        volatile = tuple(lab.contract.volatile_infos())
-        yield ProbeCounterfactual(
-            base.trace, unchanged_rerun.trace, again, {"change": "Replayed"}, volatile
-        )
+        yield lab.beside(base.trace, unchanged_rerun.trace, again, {"change": "Replayed"})
     else:
         yield lab.fact(UnwrittenActions(again), turn=0, field="actions")
 

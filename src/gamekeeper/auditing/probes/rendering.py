@@ -25,7 +25,6 @@ from gamekeeper.checks.facts.render_facts import (
     WrittenFrames,
 )
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 
@@ -119,15 +118,14 @@ def _mode(
     yield _counterfactual("Rendered", mode, still, unchanged_rerun, filmed, lab)
     yield lab.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
     yield lab.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
-    volatile = lab.contract.volatile_infos()
-    if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is None:
+    if lab.divergence(base.trace, unchanged_rerun.trace) is None:
         yield from _looked_twice(lab, about, base.play, made.value)
     turns = len(base.play.actions or ())
     last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
     for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
         late = Camera(lab, first=first)
         again = lab.play(base.play, built().value, watch=late)
-        is_same = compare(filmed.trace, again.trace, volatile=volatile).divergence is None
+        is_same = lab.divergence(filmed.trace, again.trace) is None
         for shot in late.shots[:1] if is_same else ():
             yield lab.fact(FirstFrame(mode, options, first, shot.digest))
     pen = Pen(lab)
@@ -259,8 +257,7 @@ def _counterfactual(
     lab: ProbeSession,
 ) -> ProbeCounterfactual:
     change = {"change": kind, "mode": mode}
-    volatile = tuple(lab.contract.volatile_infos())
-    return ProbeCounterfactual(base.trace, unchanged_rerun.trace, other.trace, change, volatile)
+    return lab.beside(base.trace, unchanged_rerun.trace, other.trace, change)
 
 
 def _modes(metadata: Any, own: Any) -> list[str]:
