@@ -1,15 +1,25 @@
-"""Checks of values that were handed out: they stay, and each agent has its own."""
+"""Checks of values handed out or over: they stay, are copies, and agents have their own."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from gamekeeper.checks.case import Case, Cases, Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, check
-from gamekeeper.checks.facts.handed_facts import KeptValues, SharedValues
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, check
+from gamekeeper.checks.facts.handed_facts import (
+    HandedActions,
+    HandedOptions,
+    KeptValues,
+    SharedValues,
+    WrittenValues,
+)
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import actions_are_read_at_once, actions_stay
+from gamekeeper.checks.story import env_steps_of, first_divergence_words
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.canonical import shown
 
 T = TypeVar("T")
 PLACES = {"observations": 0, "rewards": 1, "terminations": 2, "truncations": 3, "infos": -1}
@@ -258,3 +268,241 @@ def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
         infos = {agent: {} for agent in self.agents}
     """
     yield from apart_cases(evidence, "infos")
+
+
+def written_cases(evidence: ProbeEvidence, kind: str) -> Cases:
+    """Yields a case for every play in which things of this kind were overwritten."""
+    for fact in evidence.facts(WrittenValues):
+        if fact.where.field == kind:
+            seen = fact.value.seen
+            yield Case(
+                fact.where,
+                seen is None,
+                "the play goes on as if nothing was written",
+                "it goes on the same" if seen is None else seen,
+                proof=fact.proof,
+            )
+
+
+def none_of(kind: str, reason: str) -> Callable[[Contract, ProbeEvidence], str | None]:
+    """Says that nothing of this kind can be written into, where that was looked at."""
+
+    def against(contract: Contract, evidence: ProbeEvidence) -> str | None:
+        kinds = {fact.where.field for fact in evidence.facts(WrittenValues)}
+        return reason if kinds and kind not in kinds else None
+
+    return against
+
+
+@check(
+    "GK620",
+    needs=("written",),
+    severity=HIGH,
+    fix="return copies: no array that the rules, or a cache, will read again",
+    applies=none_of("observations", "observations hold no array that can be written to"),
+)
+def written_observations_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an observation doesn't change the game.
+
+    Wrappers and learners scale observations in place. Where those are the game's own arrays, an
+    agent moves pieces by looking at them.
+
+    Bad:
+        def observe(self, agent):
+            return self.board
+
+    Good:
+        def observe(self, agent):
+            return self.board.copy()
+    """
+    yield from written_cases(evidence, "observations")
+
+
+@check(
+    "GK621",
+    needs=("written",),
+    severity=HIGH,
+    fix='put copies into infos: `{"position": self.position.copy()}`',
+    applies=none_of("infos", "infos hold no array that can be written to"),
+)
+def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an array of an info doesn't change the game.
+
+    Wrappers scale what they find there in place. Where it is the game's own array, they move it.
+
+    Bad:
+        infos[agent] = {"position": self.position[agent]}       # a view of the game's own array
+
+    Good:
+        infos[agent] = {"position": self.position[agent].copy()}
+    """
+    yield from written_cases(evidence, "infos")
+
+
+@check(
+    "GK622",
+    needs=("written",),
+    severity=HIGH,
+    fix="return a copy from state(): `return self.world.copy()`",
+    applies=none_of("state", "it has no state() that only looks and hands out arrays"),
+)
+def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into what state() handed out doesn't change the game.
+
+    A central critic that normalises its input in place would move the agents themselves.
+
+    Bad:
+        def state(self):
+            return self.world
+
+    Good:
+        def state(self):
+            return self.world.copy()        # the caller's own
+    """
+    yield from written_cases(evidence, "state")
+
+
+@check(
+    "GK623",
+    needs=("written",),
+    severity=MEDIUM,
+    fix="return new dictionaries: `return observations, dict(self.rewards), ...`",
+    api="parallel",
+)
+def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Emptying the dictionaries that reset and step returned doesn't change the game.
+
+    Wrappers take entries of agents that are gone out of them. Where they are the environment's own
+    books, its next step crashes or forgets who has ended.
+
+    Bad:
+        return observations, self.rewards, self.terminations, self.truncations, self.infos
+
+    Good:
+        return observations, dict(self.rewards), dict(self.terminations), ...
+    """
+    yield from written_cases(evidence, "dictionaries")
+
+
+@check(
+    "GK624",
+    needs=("written",),
+    severity=MEDIUM,
+    fix='hand out a copy of the mask: `{"action_mask": self.legal.copy()}`',
+    applies=none_of("masks", "no action mask is handed out that can be written to"),
+)
+def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an action mask, in an observation or an info, doesn't change what is legal.
+
+    An agent that edits its mask, to forbid more to itself or by a normalisation in place, must not
+    change the rules for itself or for others.
+
+    Bad:
+        infos[agent] = {"action_mask": self.legal}      # the array that step() asks
+
+    Good:
+        infos[agent] = {"action_mask": self.legal.copy()}
+    """
+    yield from written_cases(evidence, "masks")
+
+
+def handed_cases(
+    evidence: ProbeEvidence, kind: type[HandedActions] | type[HandedOptions], proof: Reproducer
+) -> Cases:
+    """Yields a case for every look at what was handed over."""
+    for fact in evidence.facts(kind):
+        changed = fact.value.changed
+        for _ in range(fact.value.looks - (changed is not None)):
+            yield Case(fact.where, True)
+        if changed is not None:
+            yield Case(fact.where, False, shown(changed.before), shown(changed.after), proof=proof)
+
+
+def no_writable_actions(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    """Says that no action that was handed over can be written into."""
+    was_played = any(evidence.facts(HandedOptions))
+    if was_played and not any(evidence.facts(HandedActions)):
+        return "actions are plain numbers, which nobody can write into"
+    return None
+
+
+@check(
+    "GK630",
+    needs=("handed_over",),
+    severity=HIGH,
+    fix="compute with a copy: `push = 0.1 * actions[agent]`, not `actions[agent] *= 0.1`",
+    applies=no_writable_actions,
+)
+def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The actions that are handed to step, and their dictionary, are as before once it returns.
+
+    A replay buffer keeps the action that was chosen. Where step scales or clips the caller's array
+    in place, the learner is told that it had chosen something else.
+
+    Bad:
+        push = actions[agent]
+        push *= 0.1
+
+    Good:
+        push = 0.1 * actions[agent]
+    """
+    yield from handed_cases(evidence, HandedActions, reproducer_of(actions_stay))
+
+
+@check(
+    "GK631",
+    needs=("handed_over",),
+    severity=HIGH,
+    fix="keep a copy of what is needed after the step: `self.last_action = np.array(action)`",
+    applies=no_writable_actions,
+)
+def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an action after its step doesn't change the game: step keeps no reference.
+
+    Learners re-use their buffers of actions. Where the environment reads an earlier action again,
+    for an observation or for inertia, it reads the later one.
+
+    Bad:
+        self.last_actions = actions                     # read when the next observation is made
+
+    Good:
+        self.last_actions = {agent: np.array(actions[agent]) for agent in actions}
+    """
+    for counterfactual in evidence.counterfactuals("handed_over"):
+        first_divergence = counterfactual.divergence
+        if counterfactual.noise is not None:
+            continue
+        if first_divergence is None:
+            yield Case(counterfactual.base.at(None, None, "kept"), True)
+            continue
+        where = counterfactual.base.at(env_steps_of(first_divergence), None, "kept")
+        expected = "the play goes on as if nothing was written"
+        proof = reproducer_of(actions_are_read_at_once, compares=True)
+        yield Case(where, False, expected, first_divergence_words(first_divergence), proof)
+
+
+LINES = """\
+env, options = make(), {}
+env.reset(seed=SEED, options=options)
+assert options == {}, options"""
+
+
+@check(
+    "GK632",
+    needs=("handed_over",),
+    severity=LOW,
+    fix="work with a copy: `options = {**DEFAULTS, **(options or {})}`",
+)
+def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The options that are handed to reset are as before once it returns.
+
+    One dictionary of options is handed to every reset, of several environments perhaps: what one
+    reset writes into it governs all the others.
+
+    Bad:
+        options.setdefault("wind", self.rng.uniform())
+
+    Good:
+        wind = (options or {}).get("wind", self.rng.uniform())
+    """
+    yield from handed_cases(evidence, HandedOptions, Reproducer(LINES, plays=False))
