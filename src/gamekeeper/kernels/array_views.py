@@ -6,7 +6,7 @@ code has their strides as constants. That makes small batches twice as fast, and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -64,7 +64,7 @@ def shapes(kernel: Kernel) -> str:
     return repr((kernel.dtype.descr, tables_of(kernel).dtype.descr, parts, names))
 
 
-def copy_of(kernel: Kernel, reader: Callable[..., AddressReader] | None = None) -> Any:
+def copy_of(kernel: Kernel, reader: type[AddressReader] | None = None) -> Any:
     """`copy(places, e)`, compiled: the state of copy e, the tables, and its views of the arrays.
 
     The views are borrowed: no reference is counted, and none may outlive the call.
@@ -73,12 +73,12 @@ def copy_of(kernel: Kernel, reader: Callable[..., AddressReader] | None = None) 
         reader: makes the views; None: views of the arrays themselves.
     """
     types, intrinsic = numba_part("core.types"), numba_part("extending").intrinsic
-    sample = sample_of(kernel)
+    kind_of_reader, sample = reader or AddressReader, sample_of(kernel)
     kinds = [numba().from_dtype(dtype) for dtype in (kernel.dtype, tables_of(kernel).dtype)]
     found = types.Tuple((*kinds, view_type_of(sample)))
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        reads = (reader or AddressReader)(context, builder, signature.args[0], *values)
+        reads = kind_of_reader(context, builder, signature.args[0], *values)
         pointers = reads.state(kernel.dtype.itemsize), reads.pointer(0)
         records = [
             builder.bitcast(pointer, context.get_value_type(kind))
@@ -91,12 +91,7 @@ def copy_of(kernel: Kernel, reader: Callable[..., AddressReader] | None = None) 
         """The state, the tables and the views of one copy."""
         return found(types.Array(types.int64, 1, "C"), types.intp), generate
 
-    @intrinsic  # type: ignore[untyped-decorator]  # Numba's
-    def copy_of_many(typing_context: Any, places: Any, index: Any, count: Any) -> Any:
-        """The same where the reader knows how many copies there are."""
-        return found(types.Array(types.int64, 1, "C"), types.intp, types.intp), generate
-
-    return copy if reader is None else copy_of_many
+    return copy
 
 
 def sample_of(kernel: Kernel) -> Arrays:

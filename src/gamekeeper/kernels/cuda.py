@@ -30,6 +30,7 @@ class CudaBatch:
             waits for the device. `later`: nothing waits; such a step and all after it do nothing,
             until `check` raises. `never`: rules index by what they are given, for actions that are
             drawn from the masks.
+        threads: of a block, one for each copy.
     Raises:
         DependencyError: the extra `cuda`, or a device, isn't there.
         SpecError: an argument isn't one of those above.
@@ -41,6 +42,7 @@ class CudaBatch:
         num_envs: int,
         *,
         checks: str = "each",
+        threads: int = 64,
         seed: int = 0,
         autoreset: str = "same_step",
         infos: bool = False,
@@ -68,7 +70,7 @@ class CudaBatch:
             self._code = code.simulated(kernel, self._records, tables, self._host)
         else:
             self._code = code.code_of(kernel)
-        self._grid = -(-num_envs // code.WARP), code.WARP
+        self._grid = -(-num_envs // threads), threads
         self._graph_of, self._quiet = code.graph_of, code.quiet
         self._play: tuple[Any, Any] | None = None
 

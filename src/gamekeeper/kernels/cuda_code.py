@@ -30,7 +30,7 @@ from gamekeeper.kernels.driver import copies
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_arrays import Arrays
 from gamekeeper.kernels.legality import judge_one
-from gamekeeper.kernels.own_memory import WARP, own_of, put_back
+from gamekeeper.kernels.own_memory import OwnReader, put_back
 from gamekeeper.kernels.rule_parts import Parts
 from gamekeeper.kernels.scalar_rules import numba_part
 
@@ -72,7 +72,7 @@ def code_of(kernel: Kernel) -> Code:
         sys.stderr.write(f"gamekeeper: compiles {kernel.name} for CUDA\n")
         parts = Parts(kernel, is_plain=False)
         kinds = (BEGIN, JUDGE, STEP)
-        threads = _threads(parts, copy_of(kernel), own_of(kernel), put_back(kernel))
+        threads = _threads(parts, copy_of(kernel), copy_of(kernel, OwnReader), put_back(kernel))
         loops = zip(threads, kinds, strict=True)
         known[key] = Code(*(compiled(loop, kind) for loop, kind in loops))
     return known[key]
@@ -86,13 +86,10 @@ def simulated(kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], array
     def copy(places: Any, e: int) -> Any:
         return states[e], t, rows[e]
 
-    def own(places: Any, e: int, count: int) -> Any:
-        return copy(places, min(e, count - 1))
-
-    def back(places: Any, e: int, count: int, s: Any, a: Any) -> None:
+    def back(places: Any, e: int, s: Any, a: Any) -> None:
         """The views are of the arrays themselves."""
 
-    threads = _threads(Parts(kernel, is_plain=True), copy, own, back)
+    threads = _threads(Parts(kernel, is_plain=True), copy, copy, back)
     return Code(*(cuda.jit(thread) for thread in threads))
 
 
@@ -108,22 +105,21 @@ def _threads(
 
     Args:
         copy: `copy(places, e)`, views of the arrays.
-        own: `own(places, e, count)`, views of the thread's own memory, which `back(places, e,
-            count, s, a)` copies back; threads without a copy call both, too.
+        own: likewise, of the thread's own memory, which `back(places, e, s, a)` copies back.
     """
     begin_one, step_one = driver_of_one(parts)
     judge_one_, clear = judge_one(parts), clear_books(parts)
 
     def begin(places: Any, count: Any, pool: Any, constant: Any, tells: Any) -> None:
         e = cuda.grid(1)
-        s, t, a = own(places, e, count)
         if e < count:
+            s, t, a = own(places, e)
             clear(a)
             a.over[()] = False
             a.ended[()] = False
             s.number = e
             begin_one(s, t, a, pool, constant, tells)
-        back(places, e, count, s, a)
+            back(places, e, s, a)
 
     def judge(places: Any, count: Any, wrong: Any) -> None:
         e = cuda.grid(1)
@@ -143,13 +139,12 @@ def _threads(
         tells: Any,
     ) -> None:
         e = cuda.grid(1)
-        if wrong[0] == NOBODY:
-            s, t, a = own(places, e, count)
-            if e < count:
-                end = step_one(s, t, a, a.over[()], pool, constant, slots, is_next, tells)
-                a.ended[()] = end != 0
-                a.over[()] = end > 1
-            back(places, e, count, s, a)
+        if e < count and wrong[0] == NOBODY:
+            s, t, a = own(places, e)
+            end = step_one(s, t, a, a.over[()], pool, constant, slots, is_next, tells)
+            a.ended[()] = end != 0
+            a.over[()] = end > 1
+            back(places, e, s, a)
 
     return begin, judge, step
 
