@@ -19,9 +19,9 @@ from gamekeeper.kernels.scalar_rules import numba_part
 OWNED: Final = frozenset(
     ("obs", "masks", "rewards", "terms", "terminated", "truncated", "live", "turn", "over", "ended")
 )
-"""Arrays that every step writes. Those of endings and infos are rarely written, actions read once."""
+"""Arrays that every step writes; those of endings and infos it rarely does."""
 LARGEST: Final = 2048
-"""Bytes of an array's one copy beyond which it stays where it is, as pictures do."""
+"""Bytes of one copy's row beyond which an array stays where it is, as pictures do."""
 WORD: Final = 16
 """Bytes that a thread moves at once, at most."""
 
