@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -165,8 +165,12 @@ class ProbeSession:
     def plays(self, count: int, *, runs: int = 1, most_turns: int = 1000) -> Iterator[EpisodePlan]:
         """`count` plays from seeds in a row, each played `runs` times within the ration."""
         turns = max(self.ration // max(count * runs, 1), LEAST_TURNS)
-        for k in range(count):
-            yield EpisodePlan(seed=self.seed + k, stream=k, most_turns=min(turns, most_turns))
+        return self.plays_of([min(turns, most_turns)] * count)
+
+    def plays_of(self, lengths: Iterable[int]) -> Iterator[EpisodePlan]:
+        """Plays from seeds in a row, of these lengths in turns."""
+        for k, turns in enumerate(lengths):
+            yield EpisodePlan(seed=self.seed + k, stream=k, most_turns=turns)
 
     def long_plays(
         self, count: int, *, runs: int = 1, most_turns: int = 1000
@@ -295,6 +299,15 @@ class ProbeSession:
     ) -> Fact[Kind]:
         """A fact of the play in hand."""
         return Fact(self.at(turn, agent, field), value, proof)
+
+    def space_of(self, agent: Any) -> Any:
+        """The action space of an agent, as it is known before the first reset; None without one."""
+        spec = self.agents.get(agent_name(agent))
+        return None if spec is None else spec.action_space
+
+    def handed(self, actions: Mapping[Any, Any]) -> Any:
+        """The actions of a turn as `step` takes them: in an AEC environment the only one."""
+        return actions if self.api == "parallel" else next(iter(actions.values()), None)
 
     def paper(self, play: EpisodePlan, actions: list[Mapping[Any, Any]]) -> None:
         """Notes what was played, where a probe has a loop of its own."""

@@ -181,7 +181,7 @@ def _step(lab: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
             return [("raises", None, f"{last.failed.kind}: {last.failed.text}")]
         agent = getattr(env, "agent_selection", None)
         gave.append(("last()", agent, _quiet(last.value, contract)))
-    done = lab.step(env, actions if lab.api == "parallel" else next(iter(actions.values()), None))
+    done = lab.step(env, lab.handed(actions))
     if done.failed is not None:
         return [("raises", None, f"{done.failed.kind}: {done.failed.text}")]
     if lab.api == "aec":

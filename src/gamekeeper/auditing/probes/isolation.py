@@ -155,9 +155,7 @@ def against(lab: ProbeSession) -> str | None:
 
 def _other_process_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """One at random, and one that brings agents together."""
-    turns = min(max(lab.ration // 8, FEWEST_TURNS), MOST_TURNS)
-    for k in range(2):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of([min(max(lab.ration // 8, FEWEST_TURNS), MOST_TURNS)] * 2)
 
 
 @probe("other_process", share=1.5, plays=_other_process_plays, against=against, tries=2)

@@ -137,9 +137,7 @@ OUT: Final = ("observations", "rewards", "terminations", "truncations", "infos")
 
 def _lifecycle_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """A long one and a shorter one."""
-    for k, part in enumerate(PARTS):
-        turns = max(int(lab.ration * part), 20)
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of(max(int(lab.ration * part), 20) for part in PARTS)
 
 
 @probe("lifecycle", share=2.0, plays=_lifecycle_plays)

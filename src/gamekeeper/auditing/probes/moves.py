@@ -50,7 +50,8 @@ def affordable(lab: ProbeSession, turns: int, size_bytes: int = FILM_BYTES) -> i
 
 def cut(play: EpisodePlan, turns: int) -> EpisodePlan:
     """The first turns of a play whose actions are on paper."""
-    return replace(play, actions=(play.actions or ())[:turns], most_turns=max(turns, 1))
+    actions = (play.actions or ())[:turns]
+    return replace(play, actions=actions, most_turns=max(len(actions), 1))
 
 
 def _size(space: Any) -> int:

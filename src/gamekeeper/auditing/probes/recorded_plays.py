@@ -39,9 +39,7 @@ SHORT_PLAYS: Final = 16
 
 def _rollout_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """First a few that may be long, then more while there are steps left."""
-    turns = max(lab.ration // PLAYS, 20)
-    for k in range(PLAYS + SHORT_PLAYS):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of([max(lab.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
 
 
 @probe("rollout", share=6.0, plays=_rollout_plays)
