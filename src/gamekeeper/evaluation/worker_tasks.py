@@ -331,11 +331,7 @@ def keep_task(
 
 
 def folder_names(lineups: Iterable[tuple[str, str]]) -> list[str]:
-    """Returns a folder's name for each line-up: `line-picker=mappo_0-carrier=random`.
-
-    Args:
-        lineups: names of environment and pairing.
-    """
+    """A folder's name for each environment and pairing: `line-picker=mappo_0-carrier=random`."""
     found: list[str] = []
     for environment, pairing in lineups:
         plain = re.sub(r"[^\w.=-]+", "_", f"{environment}-{pairing.replace(' ', '-')}")
