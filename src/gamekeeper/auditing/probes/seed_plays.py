@@ -319,8 +319,9 @@ BEFORE: Final = (1, 4)
 
 
 def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones, so that whole episodes go before."""
-    return lab.plays(2, runs=7)
+    """One that differed in a used instance, if there is one; long ones: whole episodes go before."""
+    yield from lab.unlike
+    yield from lab.plays(2, runs=7)
 
 
 @probe("second_episode", share=1.5, plays=_second_episode_plays)
