@@ -13,9 +13,12 @@ from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
+from gamekeeper.auditing.gather import gather, lab_of, look_once
+from gamekeeper.auditing.probe import probes
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.seeds.seed_effects import p_all_alike
 from gamekeeper.contract import Contract
+from gamekeeper.interface.opening import open_env
 from gamekeeper.rollouts.process_randomness import states
 from tests.faults.rovers import MOVES, SIZE, Rovers
 from tests.faults.tokens import Tokens
@@ -67,6 +70,18 @@ class WearsOut(Rovers):
         """Counts itself."""
         self.resets += 1
         return super().reset(None if seed is None else seed + (self.resets > 4), options)
+
+
+class OpensForGood(Rovers):
+    """What the episode of one seed opened stays open."""
+
+    opened = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Reads, and notes."""
+        found = super().reset(None if seed is None else seed + self.opened, options)
+        self.opened += seed == 1
+        return found
 
 
 class LuckyRovers(Rovers):
@@ -286,7 +301,7 @@ def test_seeds_verdicts_repeat_in_other_processes(tmp_path: Path) -> None:
             """
         )
     )
-    found = audit(f"{tmp_path / 'shuffled.py'}:make", select=("GK608",), budget=100)
+    found = audit(f"{tmp_path / 'shuffled.py'}:make", select=("GK608",), budget=60)
 
     assert found.of("GK608").outcome == "failed"
 
@@ -314,3 +329,14 @@ def test_state_that_shows_after_many_resets_is_found() -> None:
     found = audited(WearsOut, ("GK604",))
     (finding,) = (each for verdict in found.failed for each in verdict.findings[:1])
     assert "for _ in range(6):\n    used.reset(seed=" in finding.reproducer
+
+
+def test_state_that_a_rare_episode_leaves_is_found() -> None:
+    """An episode that another probe saw differ in a used instance is tried beside a fresh one."""
+    lab = lab_of(open_env(OpensForGood), None, spec=OpensForGood, kwargs={}, seed=0, budget=60)
+    gather(lab, {"form"}, died={}, on_probe=lambda *_: None)
+    (plan,) = lab.unlike
+    assert plan.seed == 1
+    found = look_once(lab, probes({"second_episode"})["second_episode"], plan)
+    assert [each.noise for each in found.counterfactuals] == [None]
+    assert found.counterfactuals[0].divergence is not None

@@ -85,7 +85,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
             _first_comes(within, ranked, play_order),
         ),
         "reward": {**paid, "pairs": trials.pairs(moves)},
-        "endings": {**form.endings(traces, api), "kinds": comings.kinds_of_endings(shapes)},
+        "endings": {**form.endings(traces), "kinds": comings.kinds_of_endings(shapes)},
         "may_join": comings.joined(shapes) if shapes else None,
         "may_leave": comings.left(shapes) if shapes else None,
         "influence": trials.influence(moves),
@@ -96,7 +96,22 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "errors": _errors(evidence),
     }
     silent = {key: why for key, why in NOT_SEEN.items() if found[key] is None}
+    if "symmetric" in silent:
+        silent["symmetric"] = _asymmetric(by_role, settled, priority) or silent["symmetric"]
     return {**found, "not_measured": silent}
+
+
+def _asymmetric(
+    by_role: Mapping[str, Sequence[str]], settled: bool | None, priority: str | None
+) -> str | None:
+    """Reason why symmetry of roles wasn't looked at; None where it was."""
+    if all(len(agents) < 2 for agents in by_role.values()):
+        return "each role has one agent (roles by declaration, else by names without their number)"
+    if settled is False:
+        return "reruns of one seed differ by themselves"
+    if priority == "unclear":
+        return "it isn't known whether an order of the names decides conflicts"
+    return None
 
 
 def _signs(
@@ -207,6 +222,7 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
         for each in evidence.counterfactuals("same_seed")
         if each.change["change"] in ("nothing", "the global generators")
     ]
+    again += [each.divergence is None for each in evidence.counterfactuals("generators")]
     reruns = [*unchanged_reruns.values(), *orders, *again]
     return all(reruns) if reruns else None
 

@@ -255,9 +255,11 @@ def _lengths(value: Document) -> str:
     counted = {key: any(each.get(key) for each in by_agent) for key in FLAGS.values()}
     beside = {kind: "" if counted[key] or not by_agent else BESIDE for kind, key in FLAGS.items()}
     kinds = [f"{end['kind']} of {_owner(end['owner'])}{beside[end['kind']]}" for end in told]
-    missed = set(FLAGS) - {end["kind"] for end in told} if told else ()
+    both = value.get("both") or 0
+    missed = set(FLAGS) - {end["kind"] for end in told} if told and not both else ()
     kinds += [f"{kind} (owner not measured)" for kind in sorted(missed) if counted[FLAGS[kind]]]
     text = ": ".join(filter(None, [", ".join(kinds), text]))
+    text += f", {both} of them terminated and truncated at once" if both else ""
     ticks = value.get("ticks")
     if not isinstance(ticks, Mapping):
         return text

@@ -319,7 +319,7 @@ BEFORE: Final = (1, 4)
 
 
 def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One that differed in a used instance, if there is one; long ones: whole episodes go before."""
+    """One that differed in a used instance, if any; long ones, so that whole episodes go before."""
     yield from lab.unlike
     yield from lab.plays(2, runs=7)
 
