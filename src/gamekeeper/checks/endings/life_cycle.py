@@ -34,10 +34,10 @@ from gamekeeper.episodes.episode import Episode
     looks_at="an episode that was played to its end",
 )
 def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-    """A step after the end of an episode raises, or gives nothing (Parallel: five empty dicts).
+    """A step after the end of an episode raises, or gives no rewards, flags or turns.
 
-    A loop that forgets a reset then trains on an episode that isn't there. An exception of any kind
-    is fine, and so are five empty dictionaries, that of the observations among them.
+    A loop that forgets a reset else trains on an episode that isn't there. An exception of any kind
+    is fine, and so are five empty dictionaries; observations alone train no learner.
 
     Bad:
     ```python
@@ -57,7 +57,7 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> I
         yield Case(
             fact.where,
             not gave,
-            "an exception, or nothing",
+            "an exception, or no rewards and flags",
             f"the step after the end gives {gave}",
             proof=fact.proof,
         )
