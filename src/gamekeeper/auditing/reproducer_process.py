@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 FILE: Final = "<reproducer>"
-NUMPY_TESTING: Final = os.sep.join(("numpy", "testing"))
+NUMPY_TESTING: Final = f"numpy{os.sep}testing"
 
 
 def raised_at(error: BaseException) -> str:
