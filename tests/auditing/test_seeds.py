@@ -14,7 +14,9 @@ from gymnasium import spaces
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
 from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.measured import measured
 from gamekeeper.auditing.probe import probes
+from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.seeds.seed_effects import p_all_alike
 from gamekeeper.contract import Contract
@@ -338,3 +340,19 @@ def test_state_that_a_rare_episode_leaves_is_found() -> None:
     (plan,) = lab.unlike
     assert plan.seed == 1
     assert next(iter(probes({"second_episode"})["second_episode"].plays(lab))) is plan
+
+
+def test_sets_are_turned_in_six_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two are played under all hash seeds that are needed, four more under one of them each."""
+    asked: dict[int, list[int]] = {}
+
+    def there(lab: Any, base: Any, hash_seed: int) -> Any:
+        asked.setdefault(base.play.stream, []).append(hash_seed)
+        return base.trace
+
+    monkeypatch.setattr(isolation, "played_elsewhere", there)
+    monkeypatch.setattr(isolation, "hash_seeds", lambda names: (4, 7))
+    lab = lab_of(open_env(Rovers), None, spec="rovers", kwargs={}, seed=0, budget=2_000)
+    found = gather(lab, {"other_process"}, died={}, on_probe=lambda *_: None).gathered()
+    assert list(asked.values()) == [[4, 7], [4, 7], [4], [7], [4], [7]]
+    assert measured(Contract(), found)["deterministic"] is True

@@ -223,6 +223,11 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
         if each.change["change"] in ("nothing", "the global generators")
     ]
     again += [each.divergence is None for each in evidence.counterfactuals("generators")]
+    again += [
+        each.divergence is None
+        for each in evidence.counterfactuals("other_process")
+        if each.noise is None
+    ]
     reruns = [*unchanged_reruns.values(), *orders, *again]
     return all(reruns) if reruns else None
 
