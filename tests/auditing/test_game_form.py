@@ -18,10 +18,12 @@ from gamekeeper.checks.facts.form_facts import (
     MoveLook,
     MoveTrial,
 )
-from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.checks.facts.surface_facts import TimeLimits
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence, ProbeRun
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.where import Where
 from gamekeeper.interface.opening import open_env
+from gamekeeper.reporting.measured_text import measured_text
 from tests.auditing.form_games import Beds, Duel, Ladle, Latch, Mail, Seats
 
 
@@ -220,6 +222,18 @@ def test_one_agents_limit_is_no_horizon() -> None:
     assert comings.horizon([one, one]) is None
     longer = shape("abc", "abc", "abc", endings=ended("termination", 2, "abc"), live={2: 3})
     assert comings.horizon([whole, whole, longer]) is None
+
+
+def test_a_limit_that_is_missed_by_one_tick_is_said() -> None:
+    """Where episodes are cut a tick before or after a limit that has a name, both are shown."""
+    cut = shape("abc", "abc", endings=ended("truncation", 1, "abc"), live={1: 3})
+    limits = TimeLimits({"max_steps": 3, "length": 30})
+    facts = tuple(Fact(Where("form", 0), each) for each in (cut, cut, limits))
+    evidence = ProbeEvidence("parallel", looks={"form": (ProbeRun((), (), facts),)})
+    found = measured(Contract(), evidence)
+    assert (found["horizon"], found["near_limits"]) == (2, {"max_steps": 3})
+    text = measured_text({"measured": found, "api": "parallel"}, width=120)
+    assert "2, though max_steps is 3" in text
 
 
 def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:

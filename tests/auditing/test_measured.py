@@ -30,6 +30,7 @@ FIELDS = {
     "order_ticks",
     "deterministic",
     "horizon",
+    "near_limits",
     "symmetric",
     "reward",
     "endings",

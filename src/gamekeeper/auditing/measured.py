@@ -17,6 +17,7 @@ from gamekeeper.checks.facts.form_facts import (
     UnsettledMoves,
 )
 from gamekeeper.checks.facts.play_facts import OrderOutcome
+from gamekeeper.checks.facts.surface_facts import TimeLimits
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import role
@@ -63,6 +64,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     by_role, paid = roles_of(contract, evidence), payments(traces, api)
     # one reward for all is changed by every move: it doesn't show whose move came first
     is_joint = not paid.get("shared") and trials.contests(moves) >= roles.ALIKE
+    limit = comings.horizon(shapes)
     found = {
         "stages": turns.stages(shapes, by_role, play_order),
         "order": play_order,
@@ -73,7 +75,8 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "order_sensitive": order.get("result"),
         "order_ticks": order.get("ticks"),
         "deterministic": None if settled is False and _depends_on_use(evidence) else settled,
-        "horizon": comings.horizon(shapes),
+        "horizon": limit,
+        "near_limits": _near(limit, evidence),
         "symmetric": roles.symmetric(
             [] if settled is False else shapes,
             [] if settled is False else traces,
@@ -99,6 +102,19 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     if "symmetric" in silent:
         silent["symmetric"] = _asymmetric(by_role, settled, priority) or silent["symmetric"]
     return {**found, "not_measured": silent}
+
+
+def _near(horizon: int | None, evidence: ProbeEvidence) -> dict[str, int]:
+    """Attributes and arguments called like a limit that miss the measured horizon by one tick."""
+    named = [fact.value.limits for fact in evidence.facts(TimeLimits)]
+    if horizon is None or any(horizon in each.values() for each in named):
+        return {}
+    return {
+        name: value
+        for each in named[:1]
+        for name, value in each.items()
+        if abs(value - horizon) == 1
+    }
 
 
 def _asymmetric(
