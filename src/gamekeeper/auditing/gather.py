@@ -35,6 +35,8 @@ ROLLOUT: Final = "rollout"
 """The probe that plays whole episodes."""
 FIRST: Final = "same_seed"
 """The probe that tells whether episodes differ by themselves; it looks before all others."""
+LAST: Final = "second_episode"
+"""The probe that plays again what another one saw differ in a used instance."""
 OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_process"})
 """Probes that look for draws that no seed settles."""
 OF_SHARING: Final = frozenset(
@@ -146,7 +148,7 @@ def gather(
     left = sum(parts.values())
     if until_s is not None:
         lab.ration = min(lab.ration, _steps_until(lab, until_s))
-    order = sorted(found, key=lambda name: name != FIRST)
+    order = sorted(found, key=lambda name: (name != FIRST, name == LAST))
     for names in (order, gathering.cut):  # those that are cut look once more in what is left
         if names is not order:
             left = sum(parts[name] for name in names)

@@ -188,6 +188,21 @@ def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def spaces_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Seeds the spaces of all possible agents at each reset."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            for agent in self.possible_agents:
+                self.observation_space(agent).seed(0)
+                self.action_space(agent).seed(0)
+            return cls.reset(self, *args, **kwargs)
+
+        return {"reset": reset}
+
+    return with_methods(make, methods)
+
+
 def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Resets a fresh instance in place of a used one."""
 
@@ -484,6 +499,8 @@ GLOBALS: Final = Hold(
     "global generators seeded before each call", globals_held, ("GK600",), is_general=True
 )
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
+GENERATORS: Final = Hold("own generators restarted at each reset", generators_held, is_general=True)
+SPACES: Final = Hold("spaces seeded at each reset", spaces_held, is_general=True)
 INSTANCES: Final = Hold(
     "a fresh instance for each reset",
     instances_held,
@@ -502,7 +519,8 @@ AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
 """Held where a play shows a fault by what it drew: it draws the same again, as in the audit."""
 HOLDS: Final = {
     "GK602": GLOBALS,
-    "GK601": Hold("own generators restarted at each reset", generators_held, is_general=True),
+    "GK638": SPACES,
+    "GK601": GENERATORS,
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,

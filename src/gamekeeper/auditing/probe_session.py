@@ -113,6 +113,8 @@ class ProbeSession:
             entropy is held still, so that other faults can be seen.
         class_state: plays differ since instances share it; put back before each play and instance.
         workers: processes that play elsewhere, by their hash seed; all probes share them.
+        unlike: the first episode that another probe saw differ in an instance that had played it;
+            all probes share it.
     """
 
     probe: str
@@ -130,6 +132,7 @@ class ProbeSession:
     holds_entropy: bool = False
     class_state: ClassState | None = None
     workers: dict[int, WarmWorker] = field(default_factory=dict)
+    unlike: list[EpisodePlan] = field(default_factory=list)
     _made: list[Any] = field(default_factory=list)
 
     @property

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
-from gamekeeper.checks.rounds import ticks
+from gamekeeper.checks.rounds import movers, ticks
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.statistics.significance import FloatArray, wilson
 
@@ -70,10 +70,10 @@ def later_looks(counterfactual: ProbeCounterfactual) -> Iterator[tuple[tuple[int
     """Turn and agent of those who act later in the tick, and whether they observe the change."""
     start = int(counterfactual.change["turn"])
     tick = next((each for each in ticks(counterfactual.base) if start in each), range(0))
-    movers = {turn.index: turn.order for turn in counterfactual.base.turns if turn.index in tick}
+    acted = {turn.index: movers(turn) for turn in counterfactual.base.turns if turn.index in tick}
     for effect in effects(counterfactual):
         turn = start + effect.lag
-        if effect.on == "observation" and effect.target in movers.get(turn, ()):
+        if effect.on == "observation" and effect.target in acted.get(turn, ()):
             yield (turn, effect.target), effect.is_changed
 
 

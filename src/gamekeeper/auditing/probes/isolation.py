@@ -154,8 +154,15 @@ def against(lab: ProbeSession) -> str | None:
 
 
 def _other_process_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One at random, and one that brings agents together."""
-    return lab.plays_of([min(max(lab.ration // 8, FEWEST_TURNS), MOST_TURNS)] * 2)
+    """One at random, one that brings agents together; more of the latter where these end early."""
+    turns = min(max(lab.ration // 8, FEWEST_TURNS), MOST_TURNS)
+    return lab.plays_of([turns] * (WHOLE + SINGLE))
+
+
+WHOLE: Final = 2
+"""Plays under all hash seeds that are needed to turn any two names in a set."""
+SINGLE: Final = 4
+"""Further plays, each under one of them: a set may be in use for the last ticks of an episode."""
 
 
 @probe("other_process", share=1.5, plays=_other_process_plays, against=against, tries=2)
@@ -169,7 +176,8 @@ def other_process(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """
     is_steered = lab.api == "parallel" and play.stream > 0
     base = lab.fresh(play, steer=partial(meeting, lab.contract) if is_steered else None)
-    for seed in hash_seeds(tuple(sorted(lab.agents))):
+    seeds = hash_seeds(tuple(sorted(lab.agents)))
+    for seed in seeds if play.stream < WHOLE else (seeds[play.stream % len(seeds)],):
         there = played_elsewhere(lab, base, seed)
         if there is None:
             return

@@ -92,12 +92,13 @@ def step_argument(api: str, actions: Mapping[Any, Any]) -> str:
 
 
 def goes_on(api: str, actions: Mapping[Any, Any], *, plays: bool) -> Reproducer:
-    """A step where none should be raises, or gives nothing."""
+    """A step where none should be raises, or gives no reward, flag or turn."""
     start = "" if plays else "env = make()\n"
     if api == "parallel":
         lines = (
             f"try:\n    out = env.step({step_argument(api, actions)})\n"
-            "except Exception:\n    out = ()  # refused\nassert not any(out), out"
+            "except Exception:\n    out = ()  # refused\n"
+            "assert not any(out[1:4]), out[1:4]  # rewards, terminations, truncations"
         )
     else:
         lines = (
@@ -132,7 +133,8 @@ SHORT: Final = 3
 """Turns that are played after a reset."""
 MOST_TRIES: Final = 4
 """Turns whose actions are tried after the end: a mask may forbid those of some."""
-OUT: Final = ("observations", "rewards", "terminations", "truncations", "infos")
+LEARNED: Final = ("rewards", "terminations", "truncations")
+"""Parts of a step that a learner needs: without them it learns from no step after the end."""
 
 
 def _lifecycle_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
@@ -193,7 +195,7 @@ def _step(lab: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Call
         return called, f"a turn, and {left} go on" if called.failed is None and left else ""
     called = lab.step(env, dict(actions))
     out = called.value if isinstance(called.value, tuple) else ()
-    gave = [name for name, part in zip(OUT, out, strict=False) if part]
+    gave = [name for name, part in zip(LEARNED, out[1:4], strict=False) if part]
     return called, ", ".join(gave)
 
 

@@ -16,6 +16,7 @@ from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import cut, legal, other_action
 from gamekeeper.checks.facts.play_facts import MoverTrial, Payment
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -54,6 +55,9 @@ def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if not spots:
         return
     unchanged_rerun = lab.play(base.play, env, state=False)
+    volatile = lab.contract.volatile_infos()
+    if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is not None:
+        lab.unlike[:] = lab.unlike or [base.play]
     step = max(len(spots) // TRIALS, 1)
     offset = play.stream % step
     for place, turn in enumerate(spots[offset::step][: TRIALS + 1]):

@@ -24,6 +24,7 @@ from gamekeeper.checks.facts.state_facts import (
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.action_mask import for_sample
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 
@@ -192,7 +193,7 @@ def _others(
         space.seed(seed + turn)
         mask = masks.get(agent_name(agent))
         for _ in range(8):
-            drawn = space.sample() if mask is None else space.sample(np.asarray(mask, np.int8))
+            drawn = space.sample() if mask is None else space.sample(for_sample(space, mask))
             if to_json(drawn) != to_json(action):
                 others[agent] = drawn
                 break

@@ -33,10 +33,10 @@ from gamekeeper.episodes.episode import Episode
     looks_at="an episode that was played to its end",
 )
 def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A step after the end of an episode raises, or gives nothing (Parallel: five empty dicts).
+    """A step after the end of an episode raises, or gives no rewards, flags or turns.
 
-    A loop that forgets a reset then trains on an episode that isn't there. An exception of any kind
-    is fine, and so are five empty dictionaries, that of the observations among them.
+    A loop that forgets a reset else trains on an episode that isn't there. An exception of any kind
+    is fine, and so are five empty dictionaries; observations alone train no learner.
 
     Bad:
         def step(self, actions):
@@ -51,7 +51,7 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> C
     for fact in evidence.facts(StepAfterEnd):
         gave = fact.value.gave
         seen = f"the step after the end gives {gave}"
-        yield Case(fact.where, not gave, "an exception, or nothing", seen, fact.proof)
+        yield Case(fact.where, not gave, "an exception, or no rewards and flags", seen, fact.proof)
 
 
 @check(

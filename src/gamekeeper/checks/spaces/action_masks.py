@@ -139,6 +139,8 @@ def is_legal(space: Any, mask: Any, action: Any) -> bool:
             return False
         if mask is None:
             return True
+        if _is_unread(space, mask):
+            return False
         if is_joint(space, mask):
             return bool(mask[tuple(np.ravel(action) - np.ravel(space.start))])
         flags = mask_parts(space, mask)
@@ -148,6 +150,17 @@ def is_legal(space: Any, mask: Any, action: Any) -> bool:
         return all(bool(part[int(at)]) for part, at in zip(flags, chosen, strict=True))
     except Exception:  # a mask that doesn't fit, an action that a foreign space can't judge
         return False
+
+
+def _is_unread(space: Any, mask: Any) -> bool:
+    """Tells whether a mask says of continuous actions what no list of flags can: bounds."""
+    if isinstance(space, spaces.Box):
+        return mask is not None and not np.all(np.asarray(mask) == 1)
+    if isinstance(space, spaces.Dict):
+        return any(_is_unread(part, mask.get(key)) for key, part in space.items())
+    if isinstance(space, spaces.Tuple):
+        return any(map(_is_unread, space.spaces, mask))
+    return False
 
 
 def mask_lines(api: str, agent: str, place: str) -> str:
