@@ -7,10 +7,10 @@ import pytest
 
 from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
 from gamekeeper.auditing.gather import gather, lab_of
-from gamekeeper.auditing.measure import comings, roles, trials, turns
+from gamekeeper.auditing.measure import comings, form, roles, trials
 from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
 from gamekeeper.auditing.measured import _conflicts, measured
-from gamekeeper.auditing.probes import episode_shapes
+from gamekeeper.auditing.probes import game_form
 from gamekeeper.checks.facts.form_facts import (
     AgentEnding,
     DrawnPriority,
@@ -196,21 +196,21 @@ def trial(*looks: MoveLook, agent: str = "a", is_moved: bool = False) -> MoveTri
 def test_the_order_of_turns() -> None:
     """Fixed, rotating, by the state where a move changes it, else random."""
     fixed, other = shape("abc", "abc"), shape("bac", "abc")
-    assert turns.order_of_turns([fixed], []) == "fixed"
-    assert turns.order_of_turns([shape("abc", "bca", "cab")], []) == "rotating"
-    assert turns.order_of_turns([other], [trial()]) == "random"
-    assert turns.order_of_turns([other], [trial(is_moved=True)]) == "state"
-    assert turns.order_of_turns([fixed, shape("cba", "cba")], []) == "random"
-    assert turns.order_of_turns([shape("a", "a")], []) is None
+    assert form.order_of_turns([fixed], []) == "fixed"
+    assert form.order_of_turns([shape("abc", "bca", "cab")], []) == "rotating"
+    assert form.order_of_turns([other], [trial()]) == "random"
+    assert form.order_of_turns([other], [trial(is_moved=True)]) == "state"
+    assert form.order_of_turns([fixed, shape("cba", "cba")], []) == "random"
+    assert form.order_of_turns([shape("a", "a")], []) is None
 
 
 def test_stages_are_roles_in_blocks() -> None:
     """Roles that act apart in every round are stages; those that mix share one."""
     names = {"a": ["a"], "b": ["b"], "c": ["c"]}
-    assert turns.stages([shape("abc", "bac", "abc")], names, "random") == [["a", "b"], ["c"]]
-    assert turns.stages([shape("abc", "abc", "abc")], names, "fixed") == [["a"], ["b"], ["c"]]
-    assert turns.stages([shape("abc", "abc", "abc")], names, "none") == [["a", "b", "c"]]
-    assert turns.stages([shape("abc")], names, "fixed") is None
+    assert form.stages([shape("abc", "bac", "abc")], names, "random") == [["a", "b"], ["c"]]
+    assert form.stages([shape("abc", "abc", "abc")], names, "fixed") == [["a"], ["b"], ["c"]]
+    assert form.stages([shape("abc", "abc", "abc")], names, "none") == [["a", "b", "c"]]
+    assert form.stages([shape("abc")], names, "fixed") is None
 
 
 def test_one_agents_limit_is_no_horizon() -> None:
@@ -240,7 +240,7 @@ def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:
     """It counts as live in the step in which it came and all were truncated."""
     given = {"a": DecisionInput(b"", b"", None)}
     step = BranchStep(given, {"a": 0}, {}, dict.fromkeys("ab", "truncation"), ("a", "b"))
-    found = episode_shapes.shape(EpisodeSteps(0, ("a",), [step], [0]), is_over=True, api="aec")
+    found = game_form.shape(EpisodeSteps(0, ("a",), [step], [0]), is_over=True, api="aec")
     assert (found.live, found.joined) == ({0: 2}, (("b", 0),))
     assert comings.kinds_of_endings([found, found]) == [
         {"kind": "truncation", "owner": "all", "seen": 2}
