@@ -32,7 +32,6 @@ class ShownEffect:
     Attributes:
         source: agent whose move was replaced.
         target: agent that found something otherwise.
-        on: what.
         place: probe and number of the episode.
         turns: of the move, and of the decision or payment.
     """
@@ -56,9 +55,6 @@ class Within:
     """Looks at later agents of the round of a replaced move, for one reason.
 
     Attributes:
-        looks: how many.
-        hits: of them.
-        shown: the first.
         roles: in which one agent's move reached another of the same role.
     """
 

@@ -14,7 +14,6 @@ class AgentEnding:
     """One agent's end, seen after a move.
 
     Attributes:
-        agent: that ended.
         round: of the move.
         step: number of the env step, so that agents that ended together are known.
         kind: `termination` or `truncation`.
@@ -33,7 +32,6 @@ class EpisodeShape:
     Attributes:
         rounds: agents that acted in each round, in their order; of a Parallel tick by roster.
         first: agents at the start.
-        endings: in their order.
         joined: agents that appeared after the reset, with the round.
         left: agents that left the roster without an ending, with the round.
         live: agents not ended before each env step at which one ended, by step.
@@ -78,7 +76,6 @@ class MoveTrial:
     """One move replaced by another legal one, and what came of it.
 
     Attributes:
-        agent: whose move.
         round: its number in the episode.
         turn: env step of the move.
         movers: agents of the round, in their order.
@@ -119,7 +116,6 @@ class FormError:
 
     Attributes:
         during: `an episode` or `replaced moves`.
-        error: its class and message.
     """
 
     during: str

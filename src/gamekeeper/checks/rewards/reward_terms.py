@@ -23,8 +23,6 @@ class PaidTerms:
     """Rewards of one step by term.
 
     Attributes:
-        trace: of which play.
-        turn: which step.
         terms: by term, then by agent; an agent that isn't named was paid 0.
         payable: agents that were live and hadn't ended before it.
     """

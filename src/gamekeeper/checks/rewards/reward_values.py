@@ -34,9 +34,6 @@ class ToldReward:
     """Cumulative reward that `last()` gave an agent at its turn, beside the sum it should be.
 
     Attributes:
-        trace: where.
-        turn: when.
-        agent: whom.
         told: the reward of `last()`.
         paid: its `rewards` since its own last turn, or since the reset.
         carried: what it was told at its own last turn; 0 at its first.

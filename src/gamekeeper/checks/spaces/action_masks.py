@@ -34,7 +34,6 @@ class GivenMask:
     Attributes:
         place: `observation.action_mask` or another.
         space: the action space of the agent.
-        mask: as it was given.
     """
 
     trace: Episode

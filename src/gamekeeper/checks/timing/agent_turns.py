@@ -23,9 +23,7 @@ class AecStep:
     """One step of an AEC play.
 
     Attributes:
-        trace: of which play.
         turn: the one that it ends.
-        actor: whose step it was.
         is_dead: the actor had ended before it.
         before: `agents` before the step.
         after: `agents` after it.

@@ -34,7 +34,6 @@ class InfoTerms:
     hold something else, as a running total.
 
     Attributes:
-        declared: names of the terms.
         found: those that stood in some info.
         is_unequal: some reward wasn't their sum.
     """
@@ -53,7 +52,6 @@ class InfoTerms:
 
         Args:
             infos: what agents were given after the step.
-            rewards: what it paid them.
         """
         given = infos if isinstance(infos, Mapping) else {}
         terms = {agent_name(agent): self._terms(info) for agent, info in given.items()}
@@ -82,8 +80,6 @@ class EpisodeActions:
     """Actions of an episode.
 
     Attributes:
-        seed: of the reset.
-        options: of the reset.
         turns: ticks, or turns of an AEC environment.
         actions: by agent, its decisions in their order.
         number: of the episode in its run.
@@ -103,9 +99,7 @@ class Swap:
     """One agent does otherwise.
 
     Attributes:
-        agent: who.
         turn: at which; None: whenever it decides.
-        instead: what it does.
     """
 
     agent: str
