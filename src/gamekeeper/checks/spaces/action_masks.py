@@ -177,7 +177,6 @@ def mask_lines(api: str, agent: str, place: str) -> str:
     "GK230",
     needs=("rollout", "spaces"),
     severity=HIGH,
-    fix="give a mask with one number for each action of the agent's action space",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -193,6 +192,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
 
     Good:
         spaces.Discrete(5); mask = np.ones(5, np.int8)
+
+    Fix: give a mask with one number for each action of the agent's action space
     """
     for each in masks(contract, evidence):
         where = each.trace.at(each.turn, each.agent, each.place)
@@ -211,7 +212,6 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
     "GK231",
     needs=("rollout", "spaces"),
     severity=MEDIUM,
-    fix="give masks as np.int8 arrays of 0 and 1: mask.astype(np.int8)",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -227,6 +227,8 @@ def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -
 
     Good:
         {"observation": board, "action_mask": (board == 0).astype(np.int8)}
+
+    Fix: give masks as np.int8 arrays of 0 and 1: mask.astype(np.int8)
     """
     for each in masks(contract, evidence):
         if not isinstance(each.space, spaces.Discrete | spaces.MultiDiscrete):
@@ -268,7 +270,6 @@ def _fault_of(mask: Any) -> str | None:
     "GK233",
     needs=("rollout", "spaces"),
     severity=HIGH,
-    fix="allow an action that does nothing, end the agent, or don't let it be its turn",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -283,6 +284,8 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         mask[NOOP] = 1                                 # or the agent terminates when it is stuck
+
+    Fix: allow an action that does nothing, end the agent, or don't let it be its turn
     """
     for each in masks(contract, evidence):
         if fits(each.space, each.mask) is not None:
@@ -308,7 +311,6 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
     "GK234",
     needs=("rollout",),
     severity=HIGH,
-    fix="make the mask once and put it into both places, or into one of them only",
     applies=without_masks,
     looks_at="an agent with a mask both in its info and in its observation",
 )
@@ -323,6 +325,8 @@ def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         infos[agent] = {"action_mask": observations[agent]["action_mask"].copy()}
+
+    Fix: make the mask once and put it into both places, or into one of them only
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -373,7 +377,6 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     "GK236",
     needs=("rollout",),
     severity=MEDIUM,
-    fix="put the mask where roles.<role>.mask says, or declare where it stands",
     applies=_none_declared,
     looks_at="a mask that the contract declares",
 )
@@ -387,6 +390,8 @@ def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> C
 
     Good:
         mask = "observation.action_mask"
+
+    Fix: put the mask where roles.<role>.mask says, or declare where it stands
     """
     for trace in evidence["rollout"]:
         first: dict[str, int] = {}
