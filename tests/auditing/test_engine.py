@@ -31,7 +31,7 @@ CLEAN = "tests.faults.rovers:Rovers"
 def made(ok: bool = True, **options: Any) -> Check:
     """A check of its own that looks once."""
 
-    @check("TEST001", needs=("rollout",), severity=LOW, **options)
+    @check("TEST001", LOW, "rollout", **options)
     def promise(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
         """Something holds.
 
@@ -128,7 +128,7 @@ def test_judge_minds_waivers(ok: bool, waivers: dict[str, str], outcome: str) ->
 def test_judge_tells_not_exercised_from_not_applicable() -> None:
     """No case is never green, and what isn't promised isn't judged."""
 
-    @check("TEST002", needs=("rollout",), severity=LOW)
+    @check("TEST002", LOW, "rollout")
     def quiet(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
         """Something holds.
 
@@ -150,7 +150,7 @@ def test_judge_tells_not_exercised_from_not_applicable() -> None:
 def test_judge_calls_a_failing_check_an_error() -> None:
     """A check that raises is our fault, or its author's, never the environment's."""
 
-    @check("TEST003", needs=(), severity=LOW)
+    @check("TEST003", LOW)
     def promise(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
         """Something holds.
 
@@ -172,7 +172,7 @@ def test_check_needs_a_promise() -> None:
         yield from ()
 
     with pytest.raises(EvidenceError, match="is no check"):
-        check("GK001", needs=(), severity=LOW)(run)
+        check("GK001", LOW)(run)
 
 
 def test_gather_goes_on_without_a_probe_in_which_the_process_died() -> None:

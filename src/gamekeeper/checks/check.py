@@ -67,9 +67,8 @@ class Check:
 
 def check(
     id: str,  # the word that everybody uses for it
-    *,
-    needs: tuple[str, ...],
     severity: Severity,
+    *needs: str,
     confidence: float = 1.0,
     api: str | None = None,
     applies: Applies | None = None,
@@ -79,8 +78,8 @@ def check(
 
     Args:
         id: such as `GK402`; third parties take a prefix of their own.
-        needs: probes whose looks it reads; it is *not exercised* where none of them could look.
         severity: how bad it is to break the promise.
+        needs: probes whose looks it reads; it is *not exercised* where none of them could look.
         confidence: how sure a broken promise is, in (0, 1].
         api: where it is about one API only.
         applies: why there is nothing to judge, or None.

@@ -16,7 +16,7 @@ REPLAY_PROOF = (
 )
 
 
-@check("GK901", needs=("evidence",), severity=HIGH, looks_at="an episode in which no step raised")
+@check("GK901", HIGH, "evidence", looks_at="an episode in which no step raised")
 def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A play replays bit for bit from its evidence: seed, options and the actions as they were written.
 
@@ -50,7 +50,7 @@ NAMES_PROOF = (
 )
 
 
-@check("GK902", needs=("evidence",), severity=MEDIUM)
+@check("GK902", MEDIUM, "evidence")
 def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents can be told apart as text: no two are written alike, and none is empty.
 

@@ -47,7 +47,7 @@ def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:
     return against
 
 
-@check("GK701", needs=("copies",), severity=MEDIUM, applies=refused("deepcopy"))
+@check("GK701", MEDIUM, "copies", applies=refused("deepcopy"))
 def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A copy.deepcopy that is made in mid-episode goes on like its original, state() too.
 
@@ -71,7 +71,7 @@ def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Ca
     yield from copied_cases(evidence, "deepcopy", "copy")
 
 
-@check("GK702", needs=("copies",), severity=MEDIUM, applies=refused("deepcopy"))
+@check("GK702", MEDIUM, "copies", applies=refused("deepcopy"))
 def originals_go_on_beside_a_deepcopy(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Stepping a copy.deepcopy doesn't move its original.
 
@@ -91,7 +91,7 @@ def originals_go_on_beside_a_deepcopy(contract: Contract, evidence: ProbeEvidenc
     yield from copied_cases(evidence, "deepcopy", "original")
 
 
-@check("GK703", needs=("copies",), severity=MEDIUM, applies=refused("pickle"))
+@check("GK703", MEDIUM, "copies", applies=refused("pickle"))
 def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A copy by pickle that is made in mid-episode goes on like its original, state() too.
 
@@ -126,7 +126,7 @@ def not_converted(contract: Contract, evidence: ProbeEvidence) -> str | None:
     )
 
 
-@check("GK710", needs=("conversion",), severity=MEDIUM, api="aec", applies=not_said)
+@check("GK710", MEDIUM, "conversion", api="aec", applies=not_said)
 def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An environment whose metadata say is_parallelizable can be stepped by aec_to_parallel.
 
@@ -150,7 +150,7 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
             yield Case(fact.where, failed is None, expected, seen, reproducer_of(becomes_parallel))
 
 
-@check("GK711", needs=("conversion",), severity=MEDIUM, api="aec", applies=not_converted)
+@check("GK711", MEDIUM, "conversion", api="aec", applies=not_converted)
 def cycles_show_nothing_before_their_end(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """In an environment that says is_parallelizable, nobody observes a move of the same cycle.
 

@@ -31,8 +31,8 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK500",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     applies=_undeclared,
     looks_at="an ending that is declared to be everybody's or a role's",
 )
@@ -93,7 +93,7 @@ assert not silent, silent"""),
 }
 
 
-@check("GK501", needs=("rollout",), severity=HIGH, looks_at="an agent that leaves `agents`")
+@check("GK501", HIGH, "rollout", looks_at="an agent that leaves `agents`")
 def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
 
@@ -145,8 +145,8 @@ assert env.agents or not silent, silent"""
 
 @check(
     "GK502",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     api="parallel",
     looks_at="an agent that ends while others are in the game",
 )
@@ -185,13 +185,7 @@ ended = [a for a in env.agents if terminations.get(a) or truncations.get(a)]
 assert not ended, ended"""
 
 
-@check(
-    "GK503",
-    needs=("rollout",),
-    severity=HIGH,
-    api="parallel",
-    looks_at="an agent that terminates or truncates",
-)
+@check("GK503", HIGH, "rollout", api="parallel", looks_at="an agent that terminates or truncates")
 def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has terminated or truncated is out of `agents` when that step returns.
 
@@ -219,7 +213,7 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
 BOOKS: Final = {"terminated": "terminations", "truncated": "truncations"}
 
 
-@check("GK504", needs=("rollout", "spaces"), severity=MEDIUM)
+@check("GK504", MEDIUM, "rollout", "spaces")
 def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Terminations and truncations are bools, not numbers, None or arrays.
 
@@ -263,11 +257,7 @@ def _proof(api: str, book: str, kinds: str = "(bool, np.bool_)") -> str:
 
 
 @check(
-    "GK505",
-    needs=("rollout",),
-    severity=HIGH,
-    api="aec",
-    looks_at="an agent that has ended and is still in `agents`",
+    "GK505", HIGH, "rollout", api="aec", looks_at="an agent that has ended and is still in `agents`"
 )
 def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The flags of an agent that has ended aren't taken back while it is still in `agents`.
@@ -304,7 +294,7 @@ assert not flagged, flagged"""
 AFTER = f"env.reset(seed=SEED)\n{FRESH}"
 
 
-@check("GK506", needs=("surface",), severity=HIGH, api="aec")
+@check("GK506", HIGH, "surface", api="aec")
 def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """After a reset nobody is terminated or truncated, whatever the last episode came to.
 

@@ -25,9 +25,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 
 
-@check(
-    "GK520", needs=("lifecycle",), severity=LOW, looks_at="an episode that was played to its end"
-)
+@check("GK520", LOW, "lifecycle", looks_at="an episode that was played to its end")
 def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step after the end of an episode raises, or gives no rewards, flags or turns.
 
@@ -52,7 +50,7 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> C
         yield Case(fact.where, not gave, "an exception, or no rewards and flags", seen, fact.proof)
 
 
-@check("GK521", needs=("lifecycle",), severity=LOW, confidence=0.8)
+@check("GK521", LOW, "lifecycle", confidence=0.8)
 def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step before the first reset doesn't silently play: it raises, or gives nothing.
 
@@ -76,7 +74,7 @@ def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
         yield Case(fact.where, not gave, "an exception, or nothing", seen, fact.proof)
 
 
-@check("GK522", needs=("lifecycle",), severity=MEDIUM, api="aec")
+@check("GK522", MEDIUM, "lifecycle", api="aec")
 def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent's only action is None: a real action of an agent that has ended is refused.
 
@@ -99,7 +97,7 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(fact.where, fact.value.raised is not None, "an exception", seen, fact.proof)
 
 
-@check("GK523", needs=("lifecycle",), severity=HIGH)
+@check("GK523", HIGH, "lifecycle")
 def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset begins an episode at any time: at first, in mid-episode, at its end, twice in a row.
 
@@ -130,7 +128,7 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(ignored.where, not ignored.value.is_ignored, expected, seen, ignored.proof)
 
 
-@check("GK524", needs=("lifecycle",), severity=MEDIUM)
+@check("GK524", MEDIUM, "lifecycle")
 def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`reset` takes `seed` and `options` by keyword, and neither is needed.
 
@@ -155,7 +153,7 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
             yield Case(fact.where, is_ok, f"reset({words}) begins an episode", raised, proof)
 
 
-@check("GK525", needs=("lifecycle",), severity=LOW)
+@check("GK525", LOW, "lifecycle")
 def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`close` raises at no time: not before a reset, and not when it is called twice.
 
@@ -189,8 +187,8 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 @check(
     "GK526",
-    needs=("ended",),
-    severity=MEDIUM,
+    MEDIUM,
+    "ended",
     api="parallel",
     looks_at="a Parallel agent that ended before the others, and an action for it",
 )
@@ -224,8 +222,8 @@ SHOWN: Final = {"last": "env.last()", "step": "# nothing more: the None step abo
 
 @check(
     "GK527",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     api="aec",
     looks_at="an agent that ends, in an episode played to its last None turn",
 )

@@ -140,8 +140,8 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK511",
-    needs=("rollout",),
-    severity=MEDIUM,
+    MEDIUM,
+    "rollout",
     confidence=0.99,
     applies=_declared,
     looks_at="six episodes or more that two agents or more of a symmetric role begin",

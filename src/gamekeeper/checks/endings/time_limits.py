@@ -34,8 +34,8 @@ def _no_horizon(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK507",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     applies=_no_horizon,
     looks_at="an episode that reaches the declared horizon: a larger --budget plays longer",
 )
@@ -154,8 +154,9 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK508",
-    needs=("surface", "rollout"),
-    severity=LOW,
+    LOW,
+    "surface",
+    "rollout",
     confidence=0.6,
     applies=_declared,
     looks_at="an episode that reaches an attribute, constant or parameter called like a limit, "
@@ -261,8 +262,8 @@ def _no_ending_kind(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK509",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     applies=_no_ending_kind,
     looks_at="an ending that the contract declares",
 )

@@ -72,7 +72,7 @@ def _step(api: str) -> str:
     )
 
 
-@check("GK801", needs=("render",), severity=MEDIUM, applies=nothing_to_film)
+@check("GK801", MEDIUM, "render", applies=nothing_to_film)
 def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every render mode that the metadata declares can be built.
 
@@ -113,7 +113,7 @@ PROMISED: Final = {
 }
 
 
-@check("GK802", needs=("render",), severity=MEDIUM, applies=nothing_to_film)
+@check("GK802", MEDIUM, "render", applies=nothing_to_film)
 def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """render() returns what its mode promises: uint8 [height, width, 3] for "rgb_array", a str for "ansi".
 
@@ -176,8 +176,8 @@ def _words(shot: Shot) -> str:
 
 @check(
     "GK803",
-    needs=("render",),
-    severity=MEDIUM,
+    MEDIUM,
+    "render",
     applies=nothing_to_film,
     looks_at="two pictures (rgb_array) of one episode",
 )
@@ -208,8 +208,8 @@ def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
 
 @check(
     "GK804",
-    needs=("render",),
-    severity=MEDIUM,
+    MEDIUM,
+    "render",
     applies=nothing_to_film,
     looks_at="frames that could change later, such as pictures (rgb_array)",
 )
@@ -259,8 +259,8 @@ LEAST_MOVES: Final = 8
 
 @check(
     "GK809",
-    needs=("render",),
-    severity=LOW,
+    LOW,
+    "render",
     confidence=0.9,
     applies=nothing_to_film,
     looks_at="a film of several frames while observations change",
@@ -303,7 +303,7 @@ RENDERING_LINES = (
 )
 
 
-@check("GK805", needs=("render",), severity=HIGH, applies=nothing_to_film)
+@check("GK805", HIGH, "render", applies=nothing_to_film)
 def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """render() doesn't change the game, nor draw from its generator: a filmed play goes like an unfilmed one.
 
@@ -345,7 +345,7 @@ MODE_LINES = (
 )
 
 
-@check("GK806", needs=("render",), severity=HIGH, applies=nothing_to_film)
+@check("GK806", HIGH, "render", applies=nothing_to_film)
 def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The render mode doesn't change the game: equal seeds and actions give the same play in every mode.
 
@@ -369,7 +369,7 @@ def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
             yield from counterfactual_cases(counterfactual, "the play in the usual mode", proof)
 
 
-@check("GK807", needs=("render",), severity=LOW, applies=nothing_to_film)
+@check("GK807", LOW, "render", applies=nothing_to_film)
 def mode_is_told(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """env.render_mode is the mode that was asked for.
 
@@ -407,7 +407,7 @@ AGAIN = (
 )
 
 
-@check("GK808", needs=("render",), severity=MEDIUM, applies=nothing_to_film)
+@check("GK808", MEDIUM, "render", applies=nothing_to_film)
 def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A frame shows the game as it stands, not an older moment that was drawn and kept.
 

@@ -58,13 +58,7 @@ assert last[{column}] < 2 * first[{column}], ('lines and bytes a step, first and
 """
 
 
-@check(
-    "GK831",
-    needs=("long",),
-    severity=LOW,
-    confidence=0.9,
-    looks_at="an episode of 40 turns or more",
-)
+@check("GK831", LOW, "long", confidence=0.9, looks_at="an episode of 40 turns or more")
 def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of a step doesn't grow with the length of the episode.
 
@@ -132,8 +126,8 @@ assert costs[-1][{column}] < 1.1 * costs[0][{column}], ('lines and bytes by epis
 
 @check(
     "GK832",
-    needs=("repeated",),
-    severity=LOW,
+    LOW,
+    "repeated",
     looks_at="several episodes, one after the other, that were played to their end",
 )
 def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -198,8 +192,8 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
 
 @check(
     "GK833",
-    needs=("repeated",),
-    severity=LOW,
+    LOW,
+    "repeated",
     looks_at="several episodes, one after the other, that were played to their end",
 )
 def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -253,7 +247,7 @@ assert np.median(np.diff(sizes)) < 32768, ('bytes in use after each step', sizes
 """
 
 
-@check("GK834", needs=("long",), severity=LOW, looks_at="an episode of 40 turns or more")
+@check("GK834", LOW, "long", looks_at="an episode of 40 turns or more")
 def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step keeps no more than 32 kB of memory until the end of the episode.
 

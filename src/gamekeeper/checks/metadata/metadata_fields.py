@@ -19,7 +19,7 @@ from gamekeeper.episodes.canonical import from_json, shown, to_json
 NAME_PROOF = "name = make().metadata.get('name')\nassert isinstance(name, str) and name, name"
 
 
-@check("GK821", needs=("metadata",), severity=LOW)
+@check("GK821", LOW, "metadata")
 def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Metadata is a dictionary and has the environment's name, as text.
 
@@ -44,8 +44,8 @@ def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) 
 
 @check(
     "GK822",
-    needs=("metadata",),
-    severity=LOW,
+    LOW,
+    "metadata",
     looks_at='the entry "render_modes" of the metadata, or a render mode of the environment',
 )
 def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -86,12 +86,7 @@ FPS_PROOF: Final = (
 )
 
 
-@check(
-    "GK823",
-    needs=("metadata",),
-    severity=LOW,
-    looks_at="a render mode that gives pictures, such as rgb_array",
-)
+@check("GK823", LOW, "metadata", looks_at="a render mode that gives pictures, such as rgb_array")
 def pictures_have_a_rate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An environment that renders pictures says in metadata["render_fps"] how many make a second.
 
@@ -125,7 +120,7 @@ def _is_rate(fps: Any) -> bool:
         return False
 
 
-@check("GK824", needs=("metadata",), severity=LOW)
+@check("GK824", LOW, "metadata")
 def metadata_stays(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Metadata doesn't change while the environment is used, nor when another instance is built.
 
@@ -165,12 +160,7 @@ PARALLELIZABLE_PROOF: Final = (
 )
 
 
-@check(
-    "GK825",
-    needs=("metadata",),
-    severity=LOW,
-    looks_at='the entry "is_parallelizable" of the metadata',
-)
+@check("GK825", LOW, "metadata", looks_at='the entry "is_parallelizable" of the metadata')
 def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """metadata["is_parallelizable"], where it is there, is True or False.
 

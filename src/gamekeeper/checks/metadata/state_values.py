@@ -66,7 +66,7 @@ def answer_at(fact: Fact[Any], answer: StateAnswer, field: str = "state") -> Whe
     return replace(fact.where, turn=answer.turn, field=field)
 
 
-@check("GK811", needs=("state", "rollout"), severity=MEDIUM, applies=stateless)
+@check("GK811", MEDIUM, "state", "rollout", applies=stateless)
 def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() has the shape of state_space, and without one a shape that it keeps.
 
@@ -96,7 +96,7 @@ def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
         yield Case(answer_at(fact, answer), shape == expected, expected, seen, proof=proof)
 
 
-@check("GK812", needs=("state", "rollout"), severity=MEDIUM, applies=stateless)
+@check("GK812", MEDIUM, "state", "rollout", applies=stateless)
 def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() has the dtype of state_space, and without one a dtype that it keeps.
 
@@ -130,7 +130,7 @@ WITHIN = "state = env.state()\nassert env.state_space.contains(state), (state, e
 NUMBER = "state = env.state()\nassert not np.isnan(state).any(), state"
 
 
-@check("GK813", needs=("state", "rollout"), severity=MEDIUM, applies=stateless)
+@check("GK813", MEDIUM, "state", "rollout", applies=stateless)
 def states_are_within_bounds(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() lies within the bounds of state_space, and is never NaN.
 
@@ -169,7 +169,7 @@ STATE_TWICE_PROOF = (
 )
 
 
-@check("GK814", needs=("state",), severity=MEDIUM, applies=stateless)
+@check("GK814", MEDIUM, "state", applies=stateless)
 def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() says the same when it is asked twice at one moment: it neither draws nor counts.
 
@@ -193,7 +193,7 @@ def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence)
             )
 
 
-@check("GK815", needs=("state",), severity=MEDIUM, applies=stateless)
+@check("GK815", MEDIUM, "state", applies=stateless)
 def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() is of this episode alone: after a reset nothing of the last one stands in it.
 
@@ -223,7 +223,7 @@ LEAST_MOVES: Final = 8
 """Turns at which observations changed, before a state that stays says anything."""
 
 
-@check("GK816", needs=("state",), severity=MEDIUM, confidence=0.9, applies=stateless)
+@check("GK816", MEDIUM, "state", confidence=0.9, applies=stateless)
 def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() follows the game: while observations change over a whole play, it does too.
 
@@ -257,7 +257,7 @@ def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Cases
 LEAST_TRIALS: Final = 4
 
 
-@check("GK817", needs=("state",), severity=MEDIUM, confidence=0.8, applies=stateless)
+@check("GK817", MEDIUM, "state", confidence=0.8, applies=stateless)
 def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() shows what a step has done at once, not a turn late.
 
@@ -287,7 +287,7 @@ def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Cases:
             yield Case(fact.where, False, "shown at once", seen, proof)
 
 
-@check("GK818", needs=("state",), severity=MEDIUM, applies=stateless)
+@check("GK818", MEDIUM, "state", applies=stateless)
 def states_answer_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() answers at every turn of a play, once it is there at all.
 

@@ -62,8 +62,9 @@ class _Trial:
 
 @check(
     "GK411",
-    needs=("influence", "payment_times"),
-    severity=MEDIUM,
+    MEDIUM,
+    "influence",
+    "payment_times",
     confidence=0.9,
     looks_at="an action that, replaced alone, moves a reward of its own step, five that move the "
     "next one, or four unusual rewards of one size: a larger --budget tries more",

@@ -74,8 +74,8 @@ def _no_sum(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK408",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     applies=_no_sum,
     looks_at="reward terms that the contract declares and the environment tells",
 )
@@ -130,8 +130,8 @@ def _no_shared_term(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK409",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     applies=_no_shared_term,
     looks_at="a payment of a term that is declared shared or zero-sum",
 )
@@ -205,7 +205,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return "no reward term is declared as individual and paid to its earner"
 
 
-@check("GK421", needs=("alternatives",), severity=HIGH, confidence=0.9, applies=_declared)
+@check("GK421", HIGH, "alternatives", confidence=0.9, applies=_declared)
 def individual_terms_land_on_who_earned_them(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An individual reward or penalty lands on the agent that brought it about, on no other.
 

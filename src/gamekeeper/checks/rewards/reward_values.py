@@ -153,7 +153,7 @@ def _told(trace: Episode, last: Mapping[int, Any]) -> Iterator[ToldReward]:
         ledger.book(turn)
 
 
-@check("GK403", needs=("rollout", "books"), severity=HIGH, api="aec")
+@check("GK403", HIGH, "rollout", "books", api="aec")
 def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reward is accumulated: `last()` gives all that was paid since the agent's last turn.
 
@@ -181,7 +181,7 @@ def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Case
         yield Case(where, kind != "lost", expected, seen, reproducer_of(rewards_add_up))
 
 
-@check("GK404", needs=("rollout", "books"), severity=HIGH, api="aec")
+@check("GK404", HIGH, "rollout", "books", api="aec")
 def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`last()` tells each reward once: cumulative rewards are cleared when their agent acts.
 
@@ -223,7 +223,7 @@ assert not any(env.rewards.values()), env.rewards
 assert not any(env._cumulative_rewards.values()), env._cumulative_rewards  # what last() reads"""
 
 
-@check("GK406", needs=("books",), severity=HIGH, api="aec")
+@check("GK406", HIGH, "books", api="aec")
 def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset clears `rewards` and what `last()` tells: nothing of the last episode is owed.
 
@@ -251,13 +251,7 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(fact.where, not books, "nothing owed after a reset", seen, RESET_DEBT_PROOF)
 
 
-@check(
-    "GK407",
-    needs=("rollout",),
-    severity=MEDIUM,
-    api="aec",
-    looks_at="a None turn of an agent that has ended",
-)
+@check("GK407", MEDIUM, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
 def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The None step of a dead agent pays nobody: rewards from before it are cleared, not left over.
 
@@ -303,7 +297,7 @@ NO_NUMBERS: Final = ("NoneType", "str", "bytes", "list", "tuple", "dict", "compl
 """Types that are no real numbers, whatever they hold."""
 
 
-@check("GK401", needs=("rollout",), severity=HIGH, looks_at="a step that returns rewards")
+@check("GK401", HIGH, "rollout", looks_at="a step that returns rewards")
 def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reward is one finite real number: no None, no NaN or infinity, no array, no text.
 
@@ -375,8 +369,8 @@ def _allowed(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK402",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     applies=_allowed,
     looks_at="a turn after an agent's end (AEC: in which another agent acts)",
 )
@@ -416,7 +410,7 @@ def _after_end_proof(api: str, agent: str) -> str:
     )
 
 
-@check("GK405", needs=("books",), severity=HIGH, api="aec")
+@check("GK405", HIGH, "books", api="aec")
 def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`rewards` is cleared in every step: it holds what that step paid, nothing from before.
 

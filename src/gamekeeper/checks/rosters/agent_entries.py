@@ -92,7 +92,7 @@ ACCOUNTS: Final = frozenset({"cumulative_reward", "terminated", "truncated"})
 BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
 
 
-@check("GK106", needs=("rollout", "surface"), severity=MEDIUM)
+@check("GK106", MEDIUM, "rollout", "surface")
 def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has left has no entry in rewards, terminations, truncations.
 
@@ -163,7 +163,7 @@ def _gone_proof(part: str) -> str:
     return f"gone = set({PARTS[part]}) - set(env.agents) - set(ACTIONS[-1])\nassert not gone, gone"
 
 
-@check("GK107", needs=("rollout", "surface"), severity=HIGH)
+@check("GK107", HIGH, "rollout", "surface")
 def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent in `agents` is given an observation, a reward and both flags, at every step.
 
@@ -226,7 +226,7 @@ def _living_proof(book: str) -> str:
     return f"missing = set(env.agents) - set({book})\nassert not missing, missing"
 
 
-@check("GK108", needs=("rollout",), severity=HIGH, api="parallel", looks_at="an agent that ends")
+@check("GK108", HIGH, "rollout", api="parallel", looks_at="an agent that ends")
 def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is given its last reward, last observation and both flags in that step.
 
@@ -274,7 +274,7 @@ assert not missing, missing"""
 IN_BOOKS = "assert not set(env.agents) - set(env.infos), set(env.agents) - set(env.infos)"
 
 
-@check("GK109", needs=("rollout", "surface"), severity=MEDIUM)
+@check("GK109", MEDIUM, "rollout", "surface")
 def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent has its entry in infos: after reset, in every step, and in its last one.
 
@@ -326,7 +326,7 @@ LAST: Final = "a tuple of five: observation, reward, terminated, truncated, info
 PROOF_AEC: Final = "out = env.last()\nassert isinstance(out, tuple) and len(out) == 5, out"
 
 
-@check("GK110", needs=("surface",), severity=HIGH)
+@check("GK110", HIGH, "surface")
 def reset_returns_two_dictionaries_and_step_five(
     contract: Contract, evidence: ProbeEvidence
 ) -> Cases:
@@ -361,11 +361,7 @@ def reset_returns_two_dictionaries_and_step_five(
 
 
 @check(
-    "GK113",
-    needs=("rollout",),
-    severity=LOW,
-    api="parallel",
-    looks_at="an agent that has left while others play on",
+    "GK113", LOW, "rollout", api="parallel", looks_at="an agent that has left while others play on"
 )
 def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has left the game stands no longer in observations or infos.

@@ -28,7 +28,7 @@ PROOF = Reproducer(
 )
 
 
-@check("GK101", needs=("surface",), severity=MEDIUM)
+@check("GK101", MEDIUM, "surface")
 def possible_agents_are_known_before_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """possible_agents names every possible agent before the first reset; it isn't empty.
 
@@ -59,7 +59,7 @@ assert one == other, (one, other)""",
 )
 
 
-@check("GK102", needs=("surface",), severity=HIGH)
+@check("GK102", HIGH, "surface")
 def possible_agents_never_change(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """possible_agents stays the same list of names for good, whoever leaves `agents`.
 
@@ -107,7 +107,7 @@ def _look(where: Where, names: Any, named: list[str], proof: Reproducer) -> Case
     return Case(where, names == named, named, names, proof=proof)
 
 
-@check("GK104", needs=("rollout", "surface"), severity=HIGH)
+@check("GK104", HIGH, "rollout", "surface")
 def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No name stands twice in `agents` or in `possible_agents`.
 
@@ -145,7 +145,7 @@ strangers = set(env.agents) - set(env.possible_agents)
 assert not strangers, strangers"""
 
 
-@check("GK105", needs=("rollout", "surface"), severity=HIGH)
+@check("GK105", HIGH, "rollout", "surface")
 def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents in `agents`, or with a reward or an ending, are among possible_agents.
 
@@ -211,7 +211,7 @@ env.reset(seed=SEED)
 assert set(env.agents) == set(fresh.agents), (list(env.agents), list(fresh.agents))"""
 
 
-@check("GK103", needs=("surface",), severity=HIGH)
+@check("GK103", HIGH, "surface")
 def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reset fills `agents`: somebody is there, and nobody of the last episode is missing.
 
@@ -250,7 +250,7 @@ def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) ->
                 yield Case(where, is_ok, first, midway, RESTORED)
 
 
-@check("GK111", needs=("surface",), severity=LOW)
+@check("GK111", LOW, "surface")
 def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """num_agents is the length of `agents`, and max_num_agents that of possible_agents.
 
@@ -280,12 +280,7 @@ def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) ->
                     )
 
 
-@check(
-    "GK112",
-    needs=("rollout",),
-    severity=HIGH,
-    looks_at="an agent that has left while others play on",
-)
+@check("GK112", HIGH, "rollout", looks_at="an agent that has left while others play on")
 def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended and left isn't revived under the same name in the same episode.
 
@@ -337,7 +332,7 @@ FINE: Final = ("list", "tuple", "")
 ROSTERS: Final = ("agents", "possible_agents")
 
 
-@check("GK114", needs=("surface",), severity=MEDIUM)
+@check("GK114", MEDIUM, "surface")
 def rosters_are_lists(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agents` and possible_agents are lists: ordered, with a length, empty once nobody is left.
 

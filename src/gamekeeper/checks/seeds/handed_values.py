@@ -132,7 +132,7 @@ def _apart_proof(api: str, field: str, one: object, other: object) -> str:
     )
 
 
-@check("GK610", needs=("kept",), severity=HIGH)
+@check("GK610", HIGH, "kept")
 def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An observation that was handed out doesn't change at a later turn.
 
@@ -153,7 +153,7 @@ def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     yield from kept_cases(evidence, "observations")
 
 
-@check("GK611", needs=("kept",), severity=MEDIUM)
+@check("GK611", MEDIUM, "kept")
 def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An info that was handed out, an action mask in it too, doesn't change at a later turn.
 
@@ -171,7 +171,7 @@ def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Case
         yield from kept_cases(evidence, "infos")
 
 
-@check("GK612", needs=("kept",), severity=HIGH, applies=without_state)
+@check("GK612", HIGH, "kept", applies=without_state)
 def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Values that state() returned don't change at a later turn.
 
@@ -190,7 +190,7 @@ def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cas
     yield from kept_cases(evidence, "state")
 
 
-@check("GK613", needs=("kept",), severity=MEDIUM, api="parallel")
+@check("GK613", MEDIUM, "kept", api="parallel")
 def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The dictionaries of rewards and endings that step returned don't change at a later step.
 
@@ -211,7 +211,7 @@ def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     yield from kept_cases(evidence, "rewards", "terminations", "truncations")
 
 
-@check("GK614", needs=("kept",), severity=MEDIUM)
+@check("GK614", MEDIUM, "kept")
 def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The observations of two agents share no memory that can be written to.
 
@@ -232,7 +232,7 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases
         yield from apart_cases(evidence, "observations")
 
 
-@check("GK615", needs=("kept",), severity=MEDIUM)
+@check("GK615", MEDIUM, "kept")
 def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The infos of two agents are not one dictionary, nor do they share an array.
 
@@ -276,8 +276,8 @@ def none_of(kind: str, reason: str) -> Callable[[Contract, ProbeEvidence], str |
 
 @check(
     "GK620",
-    needs=("written",),
-    severity=HIGH,
+    HIGH,
+    "written",
     applies=none_of("observations", "observations hold no array that can be written to"),
 )
 def written_observations_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -300,10 +300,7 @@ def written_observations_change_nothing(contract: Contract, evidence: ProbeEvide
 
 
 @check(
-    "GK621",
-    needs=("written",),
-    severity=HIGH,
-    applies=none_of("infos", "infos hold no array that can be written to"),
+    "GK621", HIGH, "written", applies=none_of("infos", "infos hold no array that can be written to")
 )
 def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an array of an info doesn't change the game.
@@ -323,8 +320,8 @@ def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) ->
 
 @check(
     "GK622",
-    needs=("written",),
-    severity=HIGH,
+    HIGH,
+    "written",
     applies=none_of("state", "it has no state() that only looks and hands out arrays"),
 )
 def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -345,7 +342,7 @@ def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -
     yield from written_cases(evidence, "state")
 
 
-@check("GK623", needs=("written",), severity=MEDIUM, api="parallel")
+@check("GK623", MEDIUM, "written", api="parallel")
 def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Emptying the dictionaries that reset and step returned doesn't change the game.
 
@@ -365,8 +362,8 @@ def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvide
 
 @check(
     "GK624",
-    needs=("written",),
-    severity=MEDIUM,
+    MEDIUM,
+    "written",
     applies=none_of("masks", "no action mask is handed out that can be written to"),
 )
 def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -406,7 +403,7 @@ def no_writable_actions(contract: Contract, evidence: ProbeEvidence) -> str | No
     return None
 
 
-@check("GK630", needs=("handed_over",), severity=HIGH, applies=no_writable_actions)
+@check("GK630", HIGH, "handed_over", applies=no_writable_actions)
 def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The actions that are handed to step, and their dictionary, are as before once it returns.
 
@@ -425,7 +422,7 @@ def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Ca
     yield from handed_cases(evidence, HandedActions, reproducer_of(actions_stay))
 
 
-@check("GK631", needs=("handed_over",), severity=HIGH, applies=no_writable_actions)
+@check("GK631", HIGH, "handed_over", applies=no_writable_actions)
 def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an action after its step doesn't change the game: step keeps no reference.
 
@@ -459,7 +456,7 @@ env.reset(seed=SEED, options=options)
 assert options == {}, options"""
 
 
-@check("GK632", needs=("handed_over",), severity=LOW)
+@check("GK632", LOW, "handed_over")
 def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The options that are handed to reset are as before once it returns.
 

@@ -74,7 +74,7 @@ def _proof(api: str, kind: str, *, is_next: bool = False) -> Reproducer:
     return story_proof(api, MEDDLING[kind], early=True, is_next=is_next)
 
 
-@check("GK633", needs=("extra_calls",), severity=MEDIUM, applies=not_offered("spaces"))
+@check("GK633", MEDIUM, "extra_calls", applies=not_offered("spaces"))
 def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observation_space() and action_space() in mid-episode doesn't change the game.
 
@@ -93,7 +93,7 @@ def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidenc
     yield from extra_call_cases(evidence, "spaces")
 
 
-@check("GK634", needs=("extra_calls",), severity=HIGH, api="aec", applies=not_offered("observe"))
+@check("GK634", HIGH, "extra_calls", api="aec", applies=not_offered("observe"))
 def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observe() again, for every agent, doesn't change the game.
 
@@ -119,7 +119,7 @@ first, second = env.last(), env.last()
 assert first[1:4] == second[1:4], (first[1:4], second[1:4])"""
 
 
-@check("GK635", needs=("extra_calls",), severity=HIGH, api="aec", applies=not_offered("last"))
+@check("GK635", HIGH, "extra_calls", api="aec", applies=not_offered("last"))
 def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling last() twice in a turn tells the same twice, and doesn't change the game.
 
@@ -147,7 +147,7 @@ def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> 
             )
 
 
-@check("GK636", needs=("extra_calls",), severity=HIGH, applies=not_offered("state"))
+@check("GK636", HIGH, "extra_calls", applies=not_offered("state"))
 def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling state() doesn't change the game, nor draw from its generator.
 
@@ -167,7 +167,7 @@ def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvid
     yield from extra_call_cases(evidence, "state")
 
 
-@check("GK637", needs=("extra_calls",), severity=HIGH, applies=not_offered("render"))
+@check("GK637", HIGH, "extra_calls", applies=not_offered("render"))
 def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling render() between the steps doesn't change the game, nor draw from its generator.
 
@@ -185,7 +185,7 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
     yield from extra_call_cases(evidence, "render")
 
 
-@check("GK638", needs=("extra_calls",), severity=HIGH, applies=not_offered("sample"))
+@check("GK638", HIGH, "extra_calls", applies=not_offered("sample"))
 def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Sampling from the spaces that are handed out doesn't change the game.
 
@@ -203,7 +203,7 @@ def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence
     yield from extra_call_cases(evidence, "sample")
 
 
-@check("GK639", needs=("extra_calls",), severity=MEDIUM, applies=not_offered("attributes"))
+@check("GK639", MEDIUM, "extra_calls", applies=not_offered("attributes"))
 def asking_for_attributes_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Reading num_agents, metadata, unwrapped or str(env) doesn't change the game.
 

@@ -39,7 +39,7 @@ SEEDS: Final = 16
 """Seeds that the program tries."""
 
 
-@check("GK600", needs=("unseeded",), severity=HIGH, applies=draws_nothing)
+@check("GK600", HIGH, "unseeded", applies=draws_nothing)
 def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Different seeds give different episodes where a game draws; the seed isn't ignored.
 
@@ -106,7 +106,7 @@ MISSED: Final = (
 )
 
 
-@check("GK601", needs=("same_seed", "other_process"), severity=HIGH, applies=settled_by_seed)
+@check("GK601", HIGH, "same_seed", "other_process", applies=settled_by_seed)
 def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A seed settles the play: after reset(seed) the same actions give the same play again.
 
@@ -171,7 +171,7 @@ def _empty(api: str) -> Reproducer:
     return Reproducer("\n".join(lines), plays=False)
 
 
-@check("GK605", needs=("special_seeds",), severity=HIGH, applies=settled_by_seed)
+@check("GK605", HIGH, "special_seeds", applies=settled_by_seed)
 def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Seed 0 is a seed like any other, and so is 2**31 - 1.
 
@@ -218,8 +218,8 @@ def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
 
 @check(
     "GK606",
-    needs=("second_episode",),
-    severity=HIGH,
+    HIGH,
+    "second_episode",
     applies=settled_by_seed,
     looks_at="a used instance that plays a seed as a fresh one does, or plays all seeds alike (any "
     "other difference is GK604's)",
@@ -270,7 +270,7 @@ RESETS: Final = 16
 """Resets that the program tries."""
 
 
-@check("GK609", needs=("unseeded",), severity=HIGH, applies=draws_nothing)
+@check("GK609", HIGH, "unseeded", applies=draws_nothing)
 def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset without a seed goes on drawing; it doesn't re-seed with a constant or the last seed.
 

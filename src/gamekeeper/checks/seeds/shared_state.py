@@ -32,7 +32,7 @@ from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 
 
-@check("GK602", needs=("generators",), severity=HIGH, applies=settled_by_seed)
+@check("GK602", HIGH, "generators", applies=settled_by_seed)
 def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The game draws from a generator of its own, not from the global ones of numpy, random, torch.
 
@@ -86,7 +86,7 @@ def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> R
     )
 
 
-@check("GK603", needs=("generators",), severity=MEDIUM)
+@check("GK603", MEDIUM, "generators")
 def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The environment leaves the global generators of numpy, random and torch as they are.
 
@@ -139,7 +139,7 @@ def _global_generator_proof(api: str, name: str) -> Reproducer:
     return program(api, *lines, "assert state() == before", imports=imports, unchanged=())
 
 
-@check("GK604", needs=("second_episode", "unseeded"), severity=HIGH, applies=settled_by_seed)
+@check("GK604", HIGH, "second_episode", "unseeded", applies=settled_by_seed)
 def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """reset(seed) starts the same play in a used instance as in a fresh one.
 
@@ -182,7 +182,7 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
                 yield replace(seen, where=whole(counterfactual)) if before is None else seen
 
 
-@check("GK607", needs=("alternated", "other_process"), severity=HIGH, applies=settled_by_seed)
+@check("GK607", HIGH, "alternated", "other_process", applies=settled_by_seed)
 def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Instances of the environment share nothing: no generator and no state of a class or module.
 
@@ -259,7 +259,7 @@ def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Rep
     )
 
 
-@check("GK608", needs=("other_process",), severity=HIGH, applies=settled_by_seed)
+@check("GK608", HIGH, "other_process", applies=settled_by_seed)
 def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The same seed and actions give the same play in other processes; no set's order decides.
 

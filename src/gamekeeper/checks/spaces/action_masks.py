@@ -175,8 +175,9 @@ def mask_lines(api: str, agent: str, place: str) -> str:
 
 @check(
     "GK230",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
+    HIGH,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -210,8 +211,9 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
 
 @check(
     "GK231",
-    needs=("rollout", "spaces"),
-    severity=MEDIUM,
+    MEDIUM,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -268,8 +270,9 @@ def _fault_of(mask: Any) -> str | None:
 
 @check(
     "GK233",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
+    HIGH,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -309,8 +312,8 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 @check(
     "GK234",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     applies=without_masks,
     looks_at="an agent with a mask both in its info and in its observation",
 )
@@ -374,11 +377,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 
 @check(
-    "GK236",
-    needs=("rollout",),
-    severity=MEDIUM,
-    applies=_none_declared,
-    looks_at="a mask that the contract declares",
+    "GK236", MEDIUM, "rollout", applies=_none_declared, looks_at="a mask that the contract declares"
 )
 def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A mask stands where the contract says it does, in each episode in which its agent moves.

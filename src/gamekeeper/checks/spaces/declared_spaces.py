@@ -9,7 +9,7 @@ from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 
 
-@check("GK201", needs=("spaces",), severity=HIGH)
+@check("GK201", HIGH, "spaces")
 def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every possible agent has its spaces at any time, already before the first reset.
 
@@ -48,7 +48,7 @@ def _early_spaces_proof(agent: str, which: str, when: str) -> Reproducer:
     )
 
 
-@check("GK202", needs=("spaces",), severity=MEDIUM)
+@check("GK202", MEDIUM, "spaces")
 def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's space is the very same object at every call, not a new one.
 
@@ -73,7 +73,7 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(fact.where, is_ok, "the same object twice", "two objects", proof)
 
 
-@check("GK203", needs=("spaces",), severity=HIGH)
+@check("GK203", HIGH, "spaces")
 def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's spaces never change: not by a reset, not in an episode, not in the next one.
 
@@ -112,7 +112,7 @@ def _space_change_proof(agent: str, name: str, *, is_later: bool) -> Reproducer:
     )
 
 
-@check("GK204", needs=("spaces",), severity=HIGH)
+@check("GK204", HIGH, "spaces")
 def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every space can hold a value: low isn't above high, no bound is NaN, sample() gives a member.
 
@@ -142,12 +142,7 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
         )
 
 
-@check(
-    "GK205",
-    needs=("spaces",),
-    severity=LOW,
-    looks_at="an attribute `observation_spaces` or `action_spaces`",
-)
+@check("GK205", LOW, "spaces", looks_at="an attribute `observation_spaces` or `action_spaces`")
 def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observation_spaces` and `action_spaces` hold the spaces that the methods return.
 

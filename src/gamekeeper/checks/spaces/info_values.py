@@ -14,7 +14,7 @@ from gamekeeper.contract import Contract, InfoField
 from gamekeeper.episodes.canonical import type_name
 
 
-@check("GK240", needs=("rollout",), severity=MEDIUM, looks_at="an info of an agent")
+@check("GK240", MEDIUM, "rollout", looks_at="an info of an agent")
 def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent's info is a dictionary, also in the step in which it ends; never None.
 
@@ -52,7 +52,7 @@ def _info_kind_proof(api: str, agent: str) -> str:
     )
 
 
-@check("GK242", needs=("spaces",), severity=LOW)
+@check("GK242", LOW, "spaces")
 def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Infos hold what can be pickled, and so sent from one process to another.
 
@@ -88,8 +88,8 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK243",
-    needs=("rollout",),
-    severity=MEDIUM,
+    MEDIUM,
+    "rollout",
     applies=_none_declared,
     looks_at="a field of the infos that the contract declares",
 )

@@ -129,8 +129,10 @@ PROOF = "# nothing more: a step above raised, and every action in it is one of i
 
 @check(
     "GK221",
-    needs=("rollout", "spaces", "illegal"),
-    severity=HIGH,
+    HIGH,
+    "rollout",
+    "spaces",
+    "illegal",
     looks_at="a step of agents that have no action mask",
 )
 def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -170,7 +172,7 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
             yield Case(where, taken.raised is None, expected, taken.raised, PROOF)
 
 
-@check("GK222", needs=("illegal",), severity=MEDIUM)
+@check("GK222", MEDIUM, "illegal")
 def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An illegal action is taken or refused, and after it a reset starts a playable episode.
 
@@ -209,7 +211,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return None if is_declared else "the contract says of no role what a masked action brings"
 
 
-@check("GK237", needs=("illegal",), severity=HIGH, applies=_none_declared)
+@check("GK237", HIGH, "illegal", applies=_none_declared)
 def masked_actions_bring_what_is_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action that the mask forbids raises, costs, or ends, as the contract declares.
 
@@ -293,8 +295,9 @@ UNFINISHED: Final = (
 
 @check(
     "GK235",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
+    HIGH,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="a step of agents with an action mask",
 )

@@ -140,7 +140,7 @@ def misfit_proof(api: str, agent: str, found: Misfit) -> str:
     return "\n".join([*chosen, f"assert {found.test}, value"])
 
 
-@check("GK211", needs=("rollout", "spaces"), severity=HIGH)
+@check("GK211", HIGH, "rollout", "spaces")
 def observations_have_the_form_of_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation has the type and the keys that its observation space describes.
 
@@ -158,7 +158,7 @@ def observations_have_the_form_of_their_space(contract: Contract, evidence: Prob
     yield from misfit_cases(evidence, STRUCTURE)
 
 
-@check("GK212", needs=("rollout", "spaces"), severity=MEDIUM)
+@check("GK212", MEDIUM, "rollout", "spaces")
 def observations_have_the_dtype_of_their_space(
     contract: Contract, evidence: ProbeEvidence
 ) -> Cases:
@@ -178,7 +178,7 @@ def observations_have_the_dtype_of_their_space(
     yield from misfit_cases(evidence, DTYPE)
 
 
-@check("GK213", needs=("rollout", "spaces"), severity=HIGH)
+@check("GK213", HIGH, "rollout", "spaces")
 def observations_have_the_shape_of_their_space(
     contract: Contract, evidence: ProbeEvidence
 ) -> Cases:
@@ -198,7 +198,7 @@ def observations_have_the_shape_of_their_space(
     yield from misfit_cases(evidence, SHAPE)
 
 
-@check("GK214", needs=("rollout", "spaces"), severity=HIGH)
+@check("GK214", HIGH, "rollout", "spaces")
 def observations_are_within_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation is within the bounds of its observation space, also at an agent's end.
 
@@ -216,7 +216,7 @@ def observations_are_within_their_space(contract: Contract, evidence: ProbeEvide
     yield from misfit_cases(evidence, BOUNDS)
 
 
-@check("GK215", needs=("rollout", "spaces"), severity=HIGH)
+@check("GK215", HIGH, "rollout", "spaces")
 def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No observation holds NaN.
 
@@ -234,7 +234,7 @@ def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Cas
     yield from misfit_cases(evidence, NAN)
 
 
-@check("GK216", needs=("rollout", "spaces"), severity=MEDIUM, api="aec")
+@check("GK216", MEDIUM, "rollout", "spaces", api="aec")
 def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observe` gives an observation of its space for every live agent, also one not in turn.
 

@@ -70,13 +70,7 @@ def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
                     yield each, agent, agent in each.ended | ended_in(turn)
 
 
-@check(
-    "GK301",
-    needs=("rollout",),
-    severity=HIGH,
-    api="aec",
-    looks_at="a turn with agents left in `agents`",
-)
+@check("GK301", HIGH, "rollout", api="aec", looks_at="a turn with agents left in `agents`")
 def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
 
@@ -109,7 +103,7 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
             )
 
 
-@check("GK302", needs=("rollout",), severity=HIGH, api="aec", looks_at="an agent that ends")
+@check("GK302", HIGH, "rollout", api="aec", looks_at="an agent that ends")
 def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is selected once more before it is removed, for its None turn.
 
@@ -142,13 +136,7 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> C
             )
 
 
-@check(
-    "GK303",
-    needs=("rollout",),
-    severity=HIGH,
-    api="aec",
-    looks_at="a None turn of an agent that has ended",
-)
+@check("GK303", HIGH, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
 def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent has one None turn, which removes it: it isn't selected again.
 
@@ -183,8 +171,8 @@ LEAST_TURNS: Final = 20
 
 @check(
     "GK304",
-    needs=("rollout",),
-    severity=MEDIUM,
+    MEDIUM,
+    "rollout",
     api="aec",
     confidence=0.95,
     looks_at="an agent that has ended and stays in `agents` while others act",
@@ -232,7 +220,7 @@ def _waits(play: list[AecStep]) -> Cases:
                 )
 
 
-@check("GK305", needs=("lifecycle",), severity=MEDIUM, api="aec")
+@check("GK305", MEDIUM, "lifecycle", api="aec")
 def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_iter` names the agent that is to act, as often as it is asked to.
 

@@ -30,8 +30,8 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK306",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     api="aec",
     applies=_undeclared,
     looks_at="an order of agents that the contract declares",
@@ -148,7 +148,7 @@ def _hidden_moves_applies(contract: Contract, evidence: ProbeEvidence) -> str | 
     return "the contract doesn't declare that agents act at once (schedule.order, .observe)"
 
 
-@check("GK331", needs=("influence",), severity=HIGH, api="aec", applies=_hidden_moves_applies)
+@check("GK331", HIGH, "influence", api="aec", applies=_hidden_moves_applies)
 def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Later agents of a simultaneous tick don't observe what earlier ones did in it.
 
@@ -229,7 +229,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return None
 
 
-@check("GK311", needs=("order",), severity=HIGH, api="parallel", applies=_declared)
+@check("GK311", HIGH, "order", api="parallel", applies=_declared)
 def outcome_is_free_of_the_actions_order(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The outcome of a joint action doesn't depend on the order of the action dictionary.
 
@@ -302,7 +302,7 @@ def proof_of_order(order: str) -> Reproducer:
     )
 
 
-@check("GK312", needs=("order",), severity=LOW, confidence=0.9, api="parallel")
+@check("GK312", LOW, "order", confidence=0.9, api="parallel")
 def draws_are_free_of_the_actions_order(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Random draws don't come in the order of the action dictionary.
 
