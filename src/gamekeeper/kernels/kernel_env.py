@@ -117,7 +117,7 @@ class KernelRules(Authored):
         records["draws"][0], records["block"][0] = self.rng.draws, -1
         self._seed = seed
 
-    def crossed(self) -> None:
+    def stepped(self) -> None:
         """Plays the action in the arrays, and tells the books what came of it."""
         bench = self.bench
         if self.rng.seed != self._seed:
@@ -215,7 +215,7 @@ class KernelTicks(KernelRules, TickEnv):
             for agent, action in actions.items():
                 array, i = ties.doing[agent]
                 array[0, i] = action
-        self.crossed()
+        self.stepped()
 
 
 class KernelTurns(KernelRules, TurnEnv):
@@ -232,7 +232,7 @@ class KernelTurns(KernelRules, TurnEnv):
     def act(self, agent: Any, action: Any) -> None:
         """One acts."""
         self.bench.arrays.actions[0] = action
-        self.crossed()
+        self.stepped()
 
 
 class MaskedTicks(Masks, KernelTicks):
