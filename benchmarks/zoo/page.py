@@ -43,8 +43,9 @@ def main() -> int:
     asked = parser.parse_args()
     rows = json.loads(KEPT.read_text())
     if asked.results:
-        rows = [row for row in rows if row["lot"] != asked.lot]
-        rows += [*kept(asked.results, asked.lot)]
+        added = {row["key"]: row for row in kept(asked.results, asked.lot)}
+        rows = [row for row in rows if row["lot"] != asked.lot or row["key"] not in added]
+        rows += added.values()
         lines = ",\n".join(json.dumps(row) for row in rows)
         KEPT.write_text(f"[\n{lines}\n]\n")
     judged = tomllib.loads((HERE / "judgements.toml").read_text())
