@@ -107,13 +107,13 @@ def lots(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     over = max(row.get("over", 0) for row in rows)
     yield (
         f"\nThe bar is 95 % true. Of the lots from *again* on, {whole} of {of} reproducers of "
-        "causes failed 5 times of 5, while the same program without the fault's step passed; the "
-        f"longest audit ended {over} s after its time limit, process start included.\n"
+        "causes failed 5 times of 5, the unchanged program passing where there is one; the longest "
+        f"audit ended {over} s after its time limit, process start included.\n"
     )
 
 
 def _total(name: str, rows: Sequence[Row], judged: Judgements) -> str:
-    counts = Counter(word(judged, row["key"], check) for row in rows for check in row["causes"])
+    counts = Counter(word(judged, row, check) for row in rows for check in row["causes"])
     commits = ", ".join(sorted({row.get("gamekeeper", "") for row in rows} - {""}))
     cells = [name, commits if name in LOTS else "", len(rows), counts.total()]
     return _line([*cells, *(counts[one] for one in WORDS), *_shares(counts)])
@@ -129,9 +129,10 @@ def _line(cells: Sequence[object]) -> str:
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
-def word(judged: Judgements, key: str, check: str) -> str:
-    """Judgement of a cause."""
-    return judged.get(key, {}).get(check, "not judged").partition(":")[0]
+def word(judged: Judgements, row: Row, check: str) -> str:
+    """Judgement of a cause: that of its lot, where there is one (`"GK638 changed"`)."""
+    said = judged.get(row["key"], {})
+    return said.get(f"{check} {row['lot']}", said.get(check, "not judged")).partition(":")[0]
 
 
 def newest(rows: Sequence[Row]) -> dict[str, Row]:
@@ -145,7 +146,7 @@ def checks(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     apart: Counter[str] = Counter()
     for row in newest(rows).values():
         for check in row["causes"]:
-            counts.setdefault(check, Counter())[word(judged, row["key"], check)] += 1
+            counts.setdefault(check, Counter())[word(judged, row, check)] += 1
             apart[check] += row["lot"] != "tuned"
     yield "## How often a check is right\n"
     yield "The newest audit of each environment that its checks weren't changed by; *not tuned*: of"
@@ -172,7 +173,7 @@ def judges(judged: Judgements) -> Iterator[str]:
         said.partition(":")[0].split(" / ") for checks in again.values() for said in checks.values()
     ]
     second = [
-        [word(judged, key, check), said.partition(":")[0]]
+        [judged[key][check].partition(":")[0], said.partition(":")[0]]
         for key, checks in blind.items()
         for check, said in checks.items()
     ]
@@ -242,7 +243,7 @@ def _cells(
 
 
 def _told(row: Row, judged: Judgements) -> str:
-    return ", ".join(f"{id} {word(judged, row['key'], id)}" for id in row["causes"]) or "none"
+    return ", ".join(f"{id} {word(judged, row, id)}" for id in row["causes"]) or "none"
 
 
 def left_out() -> Iterator[str]:
