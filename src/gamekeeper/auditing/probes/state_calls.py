@@ -22,7 +22,6 @@ from gamekeeper.checks.facts.state_facts import (
     UsedState,
 )
 from gamekeeper.episodes.canonical import to_json
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.action_mask import for_sample
@@ -146,8 +145,7 @@ def _used(
     """The same play once more in the same instance; looked at where all else is equal."""
     again = StateRecorder(lab, env)
     used = lab.play(base.play, env, watch=again, state=False)
-    volatile = lab.contract.volatile_infos()
-    if compare(base.trace, used.trace, volatile=volatile).divergence is None:
+    if lab.divergence(base.trace, used.trace) is None:
         pairs = zip(answers, again.answers, strict=False)
         turn = next((a.turn for a, b in pairs if a.digest != b.digest), None)
         yield lab.fact(UsedState(turn=turn), field="used")
