@@ -21,7 +21,6 @@ from gamekeeper.checks.probe_evidence import (
     ProbeRun,
 )
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.exception_text import traceback_text
 from gamekeeper.episodes.outcome import check_measured, outcome_of
 from gamekeeper.interface.contract_draft import agent_specs
@@ -219,8 +218,7 @@ def _is_shared(gathering: Gathering) -> bool:
     with held():
         one, two = (lab.play(play, state=False) for _ in range(2))
     lab.close()
-    volatile = lab.contract.volatile_infos()
-    return compare(one.trace, two.trace, volatile=volatile).divergence is None
+    return lab.divergence(one.trace, two.trace) is None
 
 
 def _steps_until(lab: ProbeSession, until_s: float) -> int:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import cut
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.facts.lifecycle_facts import (
     Closings,
@@ -138,9 +139,7 @@ LEARNED: Final = ("rewards", "terminations", "truncations")
 
 def _lifecycle_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """A long one and a shorter one."""
-    for k, part in enumerate(PARTS):
-        turns = max(int(lab.ration * part), 20)
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of(max(int(lab.ration * part), 20) for part in PARTS)
 
 
 @probe("lifecycle", share=2.0, plays=_lifecycle_plays)
@@ -252,7 +251,7 @@ def _dead_action(
     if not dead:
         return
     turn = dead[0]
-    lab.play(_cut(base.play, turn), env, state=False)
+    lab.play(cut(base.play, turn), env, state=False)
     agent = lab.call("agent_selection", getattr, env, "agent_selection").value
     own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
     if own and is_dead(lab, env):
@@ -333,7 +332,3 @@ def _kind(failed: FailedCall | None) -> str | None:
 
 def _words(failed: FailedCall | None) -> str | None:
     return None if failed is None else f"{failed.call}: {failed.kind}: {failed.text}"
-
-
-def _cut(play: EpisodePlan, turns: int) -> EpisodePlan:
-    return replace(play, actions=(play.actions or ())[:turns], most_turns=max(turns, 1))
