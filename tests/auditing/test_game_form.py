@@ -1,5 +1,6 @@
 """Each field of the measured form, on small games of known form and on hand-made facts."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -319,6 +320,14 @@ def test_advice_follows_from_the_signs() -> None:
     assert advice(signs(api="parallel", dictionary="outcome")).api == "aec"
     assert advice(signs(api="parallel", priority="unclear")).api is None
     assert advice(signs(api="parallel", priority="random")).api == "parallel"
+
+
+def test_a_payment_after_other_draws_is_no_sign_of_order() -> None:
+    """A move that draws more random numbers changes what is drawn for a later agent's payment."""
+    early = trial(MoveLook("b", "reward", 0, True, True, 1))
+    for moved, hits in ((early, 1), (replace(early, is_shifted=True), 0)):
+        within = trials.within_rounds([Fact(Where("form", 0, 0), moved)])
+        assert within["reward"].hits == hits
 
 
 def test_a_payment_at_the_end_of_a_round_is_no_sign_of_order() -> None:

@@ -170,6 +170,7 @@ class _Forms:
         self._env = lab.env()
         self._can_copy = True
         self._habits: dict[Any, Any] = {}
+        self._stands: dict[int, list[Any]] = {}
         board = Board(lab, self._env)
         board.reset(play.seed)
         before = states()
@@ -268,7 +269,10 @@ class _Forms:
                 self._can_copy = copied.failed is None
                 if self._can_copy:
                     boards[place] = copied.value
-            if not _is_same(board.step(written.actions), written):
+            is_same = _is_same(board.step(written.actions), written)
+            if place in at and self._lab.api == "aec":
+                self._stands[place] = standing(board.env)
+            if not is_same:
                 return boards, place
         return boards, len(self.paper.steps)
 
@@ -316,10 +320,12 @@ class _Forms:
         board = self._arrived(boards, step)
         steps = branch(board, self.paper, step, {agent: action}, ahead, self._fitting)
         looks: list[MoveLook] = []
-        is_moved = False
+        is_moved = is_shifted = False
         for place, changed in steps:
             if place >= settled:
                 break
+            if place == step in self._stands:
+                is_shifted = not _alike(self._stands[step], standing(board.env))
             base = self.paper.steps[place]
             if changed.actions is None:
                 before = self.paper.steps[place - 1]
@@ -329,7 +335,8 @@ class _Forms:
         movers = tuple(agent_name(each) for each in self._movers(step))
         number = self.paper.rounds[step]
         name = agent_name(agent)
-        trial = MoveTrial(name, number, step, movers, tuple(looks), ahead, is_moved)
+        seen = tuple(looks), ahead, is_moved, is_shifted
+        trial = MoveTrial(name, number, step, movers, *seen)
         return trial, action
 
     def _last_of(self, number: int) -> int:

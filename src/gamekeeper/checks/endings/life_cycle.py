@@ -197,7 +197,7 @@ def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Trainers with a fixed number of slots go on sending actions for those that are gone. Where these
     still move something, the game depends on what isn't in it. Looked at with two different actions
-    of agents that have ended, and with none, everything else being equal.
+    of agents that have ended, and with none, everything else being equal; `state()` counts too.
 
     Bad:
         for agent, action in actions.items():

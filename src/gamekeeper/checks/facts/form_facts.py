@@ -82,6 +82,8 @@ class MoveTrial:
         looks: at all that could be compared.
         ahead: rounds that were looked ahead.
         is_order_moved: afterwards agents acted in another order, though none ended or joined.
+        is_shifted: (AEC) the replaced move drew more or fewer random numbers, so that what follows
+            may differ by what is drawn alone.
     """
 
     agent: str
@@ -91,6 +93,7 @@ class MoveTrial:
     looks: tuple[MoveLook, ...]
     ahead: int
     is_order_moved: bool
+    is_shifted: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -280,7 +280,8 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The mask of a live agent that is to move allows at least one action.
 
     With nothing to choose from a policy crashes, or a softmax over minus infinity gives NaN. An
-    all-zero mask of an agent that isn't to move, or has ended, is right.
+    all-zero mask of an agent that isn't to move, or has ended, is right. Where the mask in the info
+    is another than the one in the observation, that is GK234's.
 
     Bad:
         mask = np.zeros(n, np.int8)                    # it is stuck, and it is its turn
@@ -297,6 +298,8 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
         if not flags:
             continue
         is_stuck = not all(part.any() for part in flags)
+        if is_stuck and not all(_same(*pair) for pair in _pair_of(each.turn, each.agent)):
+            continue
         proof = mask_lines(evidence.api, each.agent, each.place)
         test = (
             "all(np.any(part) for part in mask)" if isinstance(each.mask, tuple) else "mask.any()"
@@ -334,17 +337,22 @@ def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for trace in evidence["rollout"]:
         for turn in trace.turns:
             for agent in movers(evidence.api, turn):
-                seen, told = turn.observations.get(agent), turn.infos.get(agent)
-                if not (isinstance(seen, dict) and isinstance(told, dict)):
-                    continue
-                if seen.get(MASK) is not None and told.get(MASK) is not None:
+                for seen, told in _pair_of(turn, agent):
                     yield Case(
                         trace.at(turn, agent, f"infos[{MASK!r}]"),
-                        _same(seen[MASK], told[MASK]),
-                        seen[MASK],
-                        told[MASK],
+                        _same(seen, told),
+                        seen,
+                        told,
                         proof=_proof(evidence.api, agent),
                     )
+
+
+def _pair_of(turn: Turn, agent: str) -> Iterator[tuple[Any, Any]]:
+    """Yields the masks of an agent's observation and of its info, where it has both."""
+    places = turn.observations.get(agent), turn.infos.get(agent)
+    seen, told = (each.get(MASK) if isinstance(each, dict) else None for each in places)
+    if seen is not None and told is not None:
+        yield seen, told
 
 
 def _same(one: Any, other: Any) -> bool:
