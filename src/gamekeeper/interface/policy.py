@@ -52,8 +52,7 @@ class SlotPolicy(Protocol):
     """A policy that wants to know each seat it fills: a module in `game.policies`, or an object.
 
     Optional: `check(agent, role, noop)`, called before anything runs, raises a PolicyError where
-        the
-    policy can't play an agent.
+    the policy can't play an agent.
     """
 
     VERSION: str

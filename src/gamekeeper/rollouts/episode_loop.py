@@ -213,7 +213,7 @@ def perform(
     capture = capture_of(env, sink=sink, state=keep.state)
     capture.episode = keep.number - 1
     hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
-    course = EpisodeLoop(play, capture, cast, hooks, watch, on_step or _nothing, declared)
+    course = EpisodeLoop(play, capture, cast, hooks, watch, on_step or nothing, declared)
     if cast is not None and play.actions is None:
         cast.begin(cast_seed, play.stream)
     try:
@@ -385,5 +385,5 @@ def own_action(action: Any) -> Any:
     return action if isinstance(action, int | float | str | np.generic) else copy.deepcopy(action)
 
 
-def _nothing() -> None:
-    """Ignores the outcome of an episode."""
+def nothing() -> None:
+    """Ignores a step."""
