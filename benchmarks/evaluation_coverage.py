@@ -38,7 +38,7 @@ from gamekeeper.statistics.aggregates import (
     over_environments,
     probability_of_improvement,
 )
-from gamekeeper.statistics.confidence_sequence import ConfidenceSequence, Narrowing
+from gamekeeper.statistics.narrowing import Narrowing
 
 Line = dict[str, Any]
 
@@ -322,24 +322,6 @@ def stopping(repeats: int) -> Iterator[Line]:
             yield line | {"usual": percent(usual), "stopped": round(float(np.mean(stops)))}
 
 
-def sequences(repeats: int) -> Iterator[Line]:
-    """The same with confidence sequences, which hold however one stops: 95 % and more.
-
-    So their cells are no part of those that should be within 93 and 97 % (`held`).
-    """
-    for name, draw in STOPPED.items():
-        for line, width, bounded in widths_of(name, draw):
-            kind = ConfidenceSequence(0.0, 1.0) if bounded else ConfidenceSequence()
-            mean, hits, stops = truth(draw, "mean"), [], []
-            for repeat in range(repeats // 10 if bounded else repeats):
-                values = draw(np.random.default_rng([8, repeat]), 300 if bounded else 1_000) * 1.0
-                stop, hit = stopped(*kind.sequence(values), width, mean)
-                stops.append(stop)
-                hits.append(hit)
-            line |= {"claim": f"sequence, {line['claim']}", "held_of_all": percent(hits)}
-            yield line | {"stopped": round(float(np.mean(stops)))}
-
-
 def widths_of(name: str, draw: Draw) -> Iterator[tuple[Line, float, bool]]:
     """The widths asked for of one distribution."""
     big = draw(np.random.default_rng(7), 2_000_000)
@@ -376,7 +358,6 @@ PARTS = {
     "environments": environments,
     "beats": beats,
     "stopping": stopping,
-    "sequences": sequences,
     "fresh": fresh,
     "tails": tails,
 }

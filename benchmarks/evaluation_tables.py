@@ -24,7 +24,6 @@ TITLES = {
     "environments": "Several environments",
     "beats": "Comparisons of two",
     "stopping": "Stopping",
-    "sequences": "Confidence sequences",
     "tails": "Longer tails",
     "fresh": "Distributions that no constant was chosen on",
 }
@@ -66,7 +65,7 @@ def heading(line: Line) -> str:
 def cell(line: Line) -> str:
     """The coverage; what the usual interval covers in brackets; where it stopped."""
     usual = f" ({line['usual']})" if "usual" in line else ""
-    names = [name for name in ("held", "held_of_all", "held_fresh") if name in line]
+    names = [name for name in ("held", "held_fresh") if name in line]
     refused = f", {line['refused']} % refused" if "refused" in line else ""
     if not names:
         return "refused"

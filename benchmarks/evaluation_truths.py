@@ -31,7 +31,7 @@ from gamekeeper.evaluation.estimates import Judge
 from gamekeeper.evaluation.results import constant_sum, differing_resets
 from gamekeeper.statistics import resampling
 from gamekeeper.statistics.aggregates import over_environments
-from gamekeeper.statistics.confidence_sequence import Narrowing
+from gamekeeper.statistics.narrowing import Narrowing
 from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import paired_effect
 from gamekeeper.statistics.significance import holm

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import gamekeeper as gk
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import EvidenceError
 from tests.episodes.buffers import Given, record
 
 SPACE = Box(-9, 9, (2,), np.float32)
@@ -193,7 +194,7 @@ def test_evidence_says_what_it_holds() -> None:
     assert "2 episodes of given_v0 (in memory)" in str(evidence)
     assert evidence._repr_html_().startswith("<table>")
     assert evidence.to_json()["fingerprint"] == evidence.fingerprint
-    with pytest.raises(KeyError):
+    with pytest.raises(EvidenceError, match="no episode 2"):
         evidence.episode(2)
 
 

@@ -98,7 +98,7 @@ def test_another_environment_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "expected"),
     [
-        ({"episode": 7}, "a number from 0 to 1"),
+        ({"episode": 7}, "one of its 2 episodes"),
         ({"turn": 26}, "a number from 0, after the reset, to 25"),
         ({"turn": -1}, "a number from 0, after the reset, to 25"),
     ],

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.errors import EvidenceError
-from gamekeeper.statistics.confidence_sequence import Narrowing
+from gamekeeper.statistics.narrowing import Narrowing
 from gamekeeper.statistics.significance import wilson
 from gamekeeper.statistics.student import student
 

@@ -394,16 +394,7 @@ def _consent(
 
 def _setup(evidence: Evidence, branch: BranchPoint, options: PlayOnOptions) -> Setup:
     """The set-up of the episode: its own policies, where the user named none."""
-    try:
-        header = evidence.header(branch.episode)
-    except KeyError:
-        raise EvidenceError(
-            f"the run has no episode {branch.episode}",
-            where="episode",
-            expected=f"a number from 0 to {evidence.episode_table.num_rows - 1}",
-            actual=str(branch.episode),
-            fix="choose one of these",
-        ) from None
+    header = evidence.header(branch.episode)
     steps = evidence.turns_of(header)
     if not 0 <= branch.turn < steps:
         raise EvidenceError(

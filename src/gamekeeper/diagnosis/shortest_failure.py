@@ -123,16 +123,7 @@ class _Search:
         scope: str | None,
         env: Any,
     ) -> None:
-        try:
-            trace = evidence.episode(episode)
-        except KeyError:
-            raise EvidenceError(
-                f"the run has no episode {episode}",
-                where=evidence.name,
-                expected=f"one of {evidence.episode_table.num_rows} episodes",
-                actual=str(episode),
-                fix="name an episode of the run",
-            ) from None
+        trace = evidence.episode(episode)
         self._contract, self._env, self._left = contract, env, TRIES
         self._conditions = failures(contract, condition, evidence.episodes)
         env.reset(seed=0)

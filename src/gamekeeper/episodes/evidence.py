@@ -184,7 +184,7 @@ class Evidence:
         """View of one episode by its number.
 
         Raises:
-            KeyError: there is no such episode.
+            EvidenceError: there is no such episode.
         """
         return self.episode_of(self.header(number))
 
@@ -192,11 +192,17 @@ class Evidence:
         """The row of one episode in `episodes`.
 
         Raises:
-            KeyError: there is no such episode.
+            EvidenceError: there is no such episode.
         """
         rows = episode_rows(self.episode_table, episode) if 0 <= episode < MOST_EPISODES else None
         if rows is None or not rows.num_rows:
-            raise KeyError(episode)
+            raise EvidenceError(
+                f"the run has no episode {episode}",
+                where=self.name,
+                expected=f"one of its {self.episode_table.num_rows} episodes",
+                actual=str(episode),
+                fix="`gamekeeper show RUN` tells the number of episodes",
+            )
         return dict(rows.slice(0, 1).to_pylist()[0])
 
     @legible
@@ -219,7 +225,7 @@ class Evidence:
         """The episode that has this row in `episodes`, to be read some turns at a time."""
         number = header["episode"]
         if header.get("turns") is None:
-            header = {**header, "turns": self._reach(number)[0]}
+            header = {**header, "turns": self.reach(number)[0]}
         steps = self.tables.parts("agent_steps", number)
         states = self.tables.parts("states", number)
         return EpisodeChunks(
@@ -238,7 +244,7 @@ class Evidence:
         if not is_open(header):
             return WHOLE
         number, state = header["episode"], None
-        acted, last = self._reach(number)
+        acted, last = self.reach(number)
         for part in self.tables.parts("states", number, columns=("turn",)) or ():
             state = part["turn"][-1].as_py() if part.num_rows else -1 if state is None else state
         turns = header.get("turns")
@@ -247,15 +253,15 @@ class Evidence:
     def turns_of(self, header: Mapping[str, Any]) -> int:
         """Env steps of an episode; of one that has no end yet, as far as its rows tell."""
         turns = header["turns"]
-        return self._reach(header["episode"])[0] if turns is None else int(turns)
+        return self.reach(header["episode"])[0] if turns is None else int(turns)
 
-    def _reach(self, episode: int) -> tuple[int, int]:
+    def reach(self, episode: int) -> tuple[int, int]:
         """Turns up to the last in which an agent acted, and the last turn that has a row."""
         acted, last = 0, -1
         for part in self.tables.parts("agent_steps", episode, columns=("turn", "order")) or ():
             turns = part["turn"].filter(pc.is_valid(part["order"]))
-            acted = int(turns[-1].as_py()) + 1 if len(turns) else acted
-            last = int(part["turn"][-1].as_py()) if part.num_rows else last
+            acted = max(acted, int(pc.max(turns).as_py()) + 1) if len(turns) else acted
+            last = max(last, int(pc.max(part["turn"]).as_py())) if part.num_rows else last
         return acted, last
 
     @cached_property

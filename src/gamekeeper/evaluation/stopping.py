@@ -15,7 +15,7 @@ from gamekeeper.evaluation.episode_rows import LENGTH, RETURN, ROLE, SUCCESS, Sh
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import Checkpoint
 from gamekeeper.evaluation.spec import Spec
-from gamekeeper.statistics.confidence_sequence import Narrowing
+from gamekeeper.statistics.narrowing import Narrowing
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,13 @@ from gamekeeper.interface.modules import split_file
 
 
 def source_of_shape(
-    text: str, *, word: str, family: str, names: Sequence[str], wrap: Callable[..., Any]
+    text: str,
+    *,
+    word: str,
+    family: str,
+    names: Sequence[str],
+    wrap: Callable[..., Any],
+    registered: tuple[Callable[..., Any], str] | None = None,
 ) -> Source:
     """The factory of a module or file; what it builds is checked for the shape and wrapped.
 
@@ -23,8 +29,13 @@ def source_of_shape(
         family: whose shape it is, for errors.
         names: attributes that an environment of the shape has.
         wrap: makes a PettingZoo environment of one; takes it and its `name`.
+        registered: the factory and its module, where the text is an id of a registry.
     """
-    factory, module, facts = named.factory_named(text)
+    if registered is None:
+        factory, module, facts = named.factory_named(text)
+    else:
+        factory, module = registered
+        facts = named.package_fact(module)
 
     def build(**kwargs: Any) -> Any:
         env = factory(**kwargs)
@@ -39,9 +50,9 @@ def source_of_shape(
             )
         return wrap(env, name=text.rpartition(":")[2])
 
-    return named.source(
-        word, text, build, accepts=factory, pip=module.partition(".")[0], facts=facts
-    )
+    accepts = factory if registered is None else None
+    pip = module.partition(".")[0]
+    return named.source(word, text, build, accepts=accepts, pip=pip, facts=facts)
 
 
 def distrust_named(word: str) -> Callable[[str], str | None]:

@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.spaces import Box, MultiBinary, MultiDiscrete
 
-from gamekeeper.errors import SpecError
 from gamekeeper.foreign import _shaped
 from gamekeeper.foreign._guest import (
     ForeignEnv,
@@ -149,17 +148,21 @@ matches: Final = named.begins_with(WORD)
 distrust: Final = _shaped.distrust_named(WORD)
 
 
+NAMES: Final = ("reset", "step", "action_space", "observation_space")
+
+
 def locate(spec: str, api: str | None) -> Source:
     """The factory of a module or file, or what the old Gym's registry has under an id."""
     text = named.rest(spec, WORD) or ""
     found = named.ID.fullmatch(text)
-    if found is not None:
-        return _registered(found["module"], found["id"], text)
-    factory, module, facts = named.factory_named(text)
-    return _source(text, factory, pip=module, accepts=factory, facts=facts)
+    registered = None if found is None else _registered(found["module"], found["id"])
+    return _shaped.source_of_shape(
+        text, word=WORD, family="the old Gym", names=NAMES, wrap=OldGym, registered=registered
+    )
 
 
-def _registered(module: str | None, env_id: str, text: str) -> Source:
+def _registered(module: str | None, env_id: str) -> tuple[Callable[..., Any], str]:
+    """The factory of an id, and the module that registers it."""
     gym = named.need("gym")
     if module is not None:
         named.need(module, here=True)
@@ -171,33 +174,4 @@ def _registered(module: str | None, env_id: str, text: str) -> Source:
     if "disable_env_checker" in gym.make.__code__.co_varnames:
         # Gym 0.26 checks with names that NumPy 2 no longer has.
         make = functools.partial(make, disable_env_checker=True)
-    home = module or "gym"
-    return _source(text, make, pip=home, facts=named.package_fact(home))
-
-
-def _source(
-    text: str,
-    factory: Callable[..., Any],
-    *,
-    pip: str,
-    accepts: Callable[..., Any] | None = None,
-    facts: dict[str, str],
-) -> Source:
-    def build(**kwargs: Any) -> OldGym:
-        env = factory(**kwargs)
-        lacks = [
-            name
-            for name in ("reset", "step", "action_space", "observation_space")
-            if not hasattr(env, name)
-        ]
-        if lacks:
-            raise SpecError(
-                f"{text} built something that isn't of the old Gym's shape",
-                where=text,
-                expected="reset, step, action_space and observation_space",
-                actual=f"{type(env).__qualname__} without {', '.join(lacks)}",
-                fix="name a factory of an old Gym environment, or use its library's prefix",
-            )
-        return OldGym(env, name=text.rpartition(":")[2])
-
-    return named.source(WORD, text, build, accepts=accepts, pip=pip.partition(".")[0], facts=facts)
+    return make, module or "gym"

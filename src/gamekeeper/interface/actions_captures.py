@@ -244,8 +244,8 @@ def _usual_row(index: int) -> tuple[Any, ...]:
     return index, OBSERVED, None, None, False, False, None, True, None
 
 
-class _TurnsByActions(_Witnessed, AECCapture):
-    """Part that both captures of an AEC environment share."""
+class AECActionsCapture(_Witnessed, AECCapture):
+    """One live AEC environment, recorded at level `actions`."""
 
     def step(self, action: Any) -> None:
         """One turn of the agent whose turn it is."""
@@ -363,11 +363,7 @@ class _TurnsByActions(_Witnessed, AECCapture):
         return index, seen, None, None, *flags, None, live, tuple(fields) or None
 
 
-class AECActionsCapture(_TurnsByActions):
-    """One live AEC environment, recorded at level `actions`."""
-
-
-class BookkeptActionsCapture(_TurnsByActions, BookkeptCapture):
+class BookkeptActionsCapture(AECActionsCapture, BookkeptCapture):
     """The same for an environment whose books are ours: they say whom a step touched.
 
     While `turn < _quiet_below` nothing waits to be noted, and `_seen` is the agent in turn once it

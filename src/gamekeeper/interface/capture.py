@@ -1,11 +1,9 @@
 """The only way to a live environment, and the only place where anything is captured.
 
 A `Capture` is the same for both of PettingZoo's APIs: reset, step, close. What the environment
-gives
-and what is done to it goes onto a buffer, if a sink was handed in. A capture makes only the calls
-that
-its caller makes, but for `state()` (and `render()` where frames are asked for), each looked at once
-for drawing from a random generator before it is used.
+gives and what is done to it goes onto a buffer, if a sink was handed in. A capture makes only the
+calls that its caller makes, but for `state()` (and `render()` where frames are asked for), each
+looked at once for drawing from a random generator before it is used.
 
 Ctrl-C may come between any two lines of ours. So only whole turns go onto the buffer, and what was
 still to be booked after a step stands in `_half` until it is: whoever comes next books it.

@@ -68,9 +68,8 @@ class Opener(Protocol):
     """A way of naming environments: a module of `openers` or `foreign`, or an entry point's object.
 
     Optional: `ORDER`, a number (50 unless told; smaller is asked earlier), and `distrust(spec)`,
-        which says
-    without running anything why the environment must not be opened unasked, or None; without it,
-    evidence from elsewhere can never have such an environment opened.
+    which says without running anything why the environment must not be opened unasked, or None;
+    without it, evidence from elsewhere can never have such an environment opened.
     """
 
     SYNTAX: str

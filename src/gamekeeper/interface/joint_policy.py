@@ -170,25 +170,6 @@ class JointPolicy:
     an episode; neither depends on the order in which agents come.
     """
 
-    __slots__ = (
-        "_action_space",
-        "_apart",
-        "_chosen",
-        "_episode",
-        "_is_begun",
-        "_mask_at",
-        "_noop",
-        "_objects",
-        "_own",
-        "_playing",
-        "_resets",
-        "_rngs",
-        "_roles",
-        "_run_seed",
-        "_shared",
-        "_starts",
-    )
-
     def __init__(
         self,
         chosen: Mapping[str, Chosen],

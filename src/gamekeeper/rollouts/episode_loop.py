@@ -56,12 +56,11 @@ def play(
         after_turn: called after every turn, for progress and signs of life.
         after_episode: called after every episode with how many have been played.
     """
-    turn = _tick_of(capture) if isinstance(capture, ParallelCapture) else _turn_of(capture)
     for done, episode in enumerate(episodes, start=1):
         cast.begin(seed, episode)
         capture.reset(episode_seed(seed, episode), options)
         for _ in range(most_turns):
-            if not turn(cast):
+            if not step_chosen(capture, cast):
                 break
             if after_turn is not None:
                 after_turn()
@@ -70,29 +69,19 @@ def play(
             after_episode(done)
 
 
-def _tick_of(capture: ParallelCapture) -> Callable[[ActionChooser], bool]:
-    def tick(cast: ActionChooser) -> bool:
-        movers = capture.to_move
-        if not movers:
-            return False
+def step_chosen(capture: ParallelCapture | AECCapture, cast: ActionChooser) -> bool:
+    """Plays one turn as the policies choose; False, and nothing done, once the episode is over."""
+    movers = capture.to_move
+    if not movers:
+        return False
+    if isinstance(capture, ParallelCapture):
         seen, infos, act = capture.observations, capture.infos, cast.act
         capture.step({agent: act(agent, seen.get(agent), infos.get(agent)) for agent in movers})
-        return True
-
-    return tick
-
-
-def _turn_of(capture: AECCapture) -> Callable[[ActionChooser], bool]:
-    def turn(cast: ActionChooser) -> bool:
-        movers = capture.to_move
-        if not movers:
-            return False
+    else:
         observation, _, terminated, truncated, info = capture.last()
         agent = movers[0]
         capture.step(None if terminated or truncated else cast.act(agent, observation, info))
-        return True
-
-    return turn
+    return True
 
 
 # -- One episode, played by policies or by actions on paper, as it is or with one thing changed
@@ -224,7 +213,7 @@ def perform(
     capture = capture_of(env, sink=sink, state=keep.state)
     capture.episode = keep.number - 1
     hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
-    course = EpisodeLoop(play, capture, cast, hooks, watch, on_step or _nothing, declared)
+    course = EpisodeLoop(play, capture, cast, hooks, watch, on_step or nothing, declared)
     if cast is not None and play.actions is None:
         cast.begin(cast_seed, play.stream)
     try:
@@ -396,5 +385,5 @@ def own_action(action: Any) -> Any:
     return action if isinstance(action, int | float | str | np.generic) else copy.deepcopy(action)
 
 
-def _nothing() -> None:
-    """Ignores the outcome of an episode."""
+def nothing() -> None:
+    """Ignores a step."""

@@ -16,7 +16,7 @@ from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.interface.aec_capture import AECCapture
 from gamekeeper.interface.openings import Opening
 from gamekeeper.interface.parallel_capture import ParallelCapture
-from gamekeeper.rollouts.episode_loop import ActionChooser, Actions, EpisodePlan
+from gamekeeper.rollouts.episode_loop import ActionChooser, Actions, EpisodePlan, step_chosen
 
 # -- The only experiment: play a trace again, as it was or with exactly one thing done differently
 
@@ -92,7 +92,10 @@ def replay_trace(
             break
         opening.set_at(turn.index, capture.env)
         try:
-            _step(capture, trace, turn, agents=agents, cast=cast, types=types)
+            if cast is None:
+                _step(capture, trace, turn, agents=agents, types=types)
+            else:
+                step_chosen(capture, cast)
         except (PolicyError, EvidenceError, KeyboardInterrupt):  # not the environment's
             raise
         except BaseException:  # the rows tell; only a recorded raise is played on from
@@ -109,27 +112,17 @@ def _step(
     turn: Turn,
     *,
     agents: Mapping[str, Any],
-    cast: ActionChooser | None,
     types: Mapping[str, str],
 ) -> None:
+    """Plays one turn as it was recorded."""
+    done = {name: _action(turn, name, types) for name in turn.order}
     if isinstance(capture, ParallelCapture):
-        if cast is None:
-            actions = {
-                _agent(capture, agents, name): _action(turn, name, types) for name in turn.order
-            }
-        else:
-            seen, infos = capture.observations, capture.infos
-            actions = {a: cast.act(a, seen.get(a), infos.get(a)) for a in capture.to_move}
-        capture.step(actions)
+        capture.step({_agent(capture, agents, name): action for name, action in done.items()})
         return
     name = turn.order[0]
-    if cast is not None or _was_seen(turn, name, trace):
-        observation, _, terminated, truncated, info = capture.last()
-    if cast is None:
-        capture.step(_action(turn, name, types))
-    else:
-        agent = capture.to_move[0]
-        capture.step(None if terminated or truncated else cast.act(agent, observation, info))
+    if _was_seen(turn, name, trace):
+        capture.last()
+    capture.step(done[name])
 
 
 def _agent(capture: ParallelCapture | AECCapture, agents: Mapping[str, Any], name: str) -> Any:

@@ -18,6 +18,7 @@ from gamekeeper.rollouts.episode_loop import (
     EpisodeLoop,
     EpisodePlan,
     FailedCall,
+    nothing,
 )
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 
@@ -80,7 +81,7 @@ class TalliedEpisode:
         is_parallel = isinstance(self.capture, ParallelCapture)
         self.count = _Ticks(volatile) if is_parallel else _Turns(volatile)
         self._loop = EpisodeLoop(
-            play, self.capture, cast, hooks, self.count, on_step or _nothing, contract
+            play, self.capture, cast, hooks, self.count, on_step or nothing, contract
         )
         self.failed: FailedCall | None = None
         if cast is not None and play.actions is None:
@@ -211,7 +212,3 @@ class _Turns(_Count):
             if agent != env.agent_selection:
                 self.returns[agent] = self.returns.get(agent, 0.0) + waiting.get(agent, 0.0)
         return super().outcome(seed, env, turns, is_over=is_over, error=error)
-
-
-def _nothing() -> None:
-    """Ignores the step."""

@@ -86,18 +86,6 @@ class WorkerProcess:
     only through `interrupt`, and what the task spawns is found again when it has ended.
     """
 
-    __slots__ = (
-        "_channel",
-        "_cut",
-        "_is_swept",
-        "_messages",
-        "_process",
-        "_selector",
-        "_stacks",
-        "_stacks_fd",
-        "_unsent",
-    )
-
     def __init__(
         self,
         order: Mapping[str, object],

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -78,14 +76,14 @@ def expand(
         outcome = run_task(TASK, arguments, silence_s=timeout_s, on_message=on_message)
     error = error_in(outcome)
     if error is not None:
-        _remove(out)
+        shutil.rmtree(out, ignore_errors=True)
         raise error
     whole = load(out)
     if consent.rule not in OWN_RULES:
         own_runs.forget(whole.root)
     divergence = first_divergence(evidence, whole)
     if divergence is not None:
-        _remove(out)
+        shutil.rmtree(out, ignore_errors=True)
         raise _otherwise(evidence, divergence)
     return whole
 
@@ -107,7 +105,7 @@ def whole_evidence(
             where=str(evidence.path or "in memory"),
             fix="gamekeeper recover RUN finalizes it; or wait until its recorder has closed it",
         )
-    place = _cache() / evidence.root
+    place = own_runs.user_folder("CACHE", ".cache", "Caches") / "expanded" / evidence.root
     with_own = place.exists() and own_runs.is_private(place)
     if with_own:
         try:
@@ -167,26 +165,6 @@ def _otherwise(evidence: Evidence, divergence: Divergence) -> DivergenceError:
     return error
 
 
-def _remove(folder: str | PathLike[str]) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-
-
-def _cache() -> Path:
-    """The folder of expanded runs.
-
-    Source: XDG Base Directory Specification; elsewhere the folders of Apple and Windows.
-    """
-    text = os.environ.get("XDG_CACHE_HOME", "")
-    base = Path(text)
-    if not (text and base.is_absolute()):
-        base = Path.home() / ".cache"
-        if sys.platform == "darwin":
-            base = Path.home() / "Library" / "Caches"
-        elif sys.platform == "win32":
-            base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    return base / "gamekeeper" / "expanded"
-
-
 # -- in the fresh process: one episode of a run that is still being recorded, or all of a run
 
 WRITTEN_S: Final = 5.0
@@ -225,11 +203,9 @@ def _with_end(path: str, episode: int, report: Callable[..., None]) -> Evidence 
     last_s = time.monotonic() + WRITTEN_S
     while time.monotonic() < last_s:
         evidence = load(path, check=False)
-        try:
+        with suppress(EvidenceError):  # its start isn't on the disk yet
             if evidence.header(episode)["end"] is not None:
                 return evidence
-        except KeyError:
-            pass
         report()
         time.sleep(POLL_S)
     return None

@@ -137,23 +137,33 @@ def _digest(path: str) -> str | None:
 
 
 def _place() -> Path | None:
-    """The folder of own runs.
+    """The folder of own runs; None where the account has no home."""
+    try:
+        return user_folder("STATE", ".local/state", "Application Support") / "own-runs"
+    except RuntimeError:
+        return None
 
+
+def user_folder(kind: str, usual: str, apple: str) -> Path:
+    """The user's own folder for files of ours.
+
+    Args:
+        kind: names the variable: `XDG_KIND_HOME`.
+        usual: its place in the home folder where the variable names none.
+        apple: its place in the Library of macOS.
+    Raises:
+        RuntimeError: the account has no home.
     Source: XDG Base Directory Specification; elsewhere the folders of Apple and Windows.
     """
-    text = os.environ.get("XDG_STATE_HOME", "")
-    base = Path(text)
-    if not (text and base.is_absolute()):
-        try:
-            home = Path.home()
-        except RuntimeError:  # an account without a home
-            return None
-        base = home / ".local" / "state"
+    base = Path(os.environ.get(f"XDG_{kind}_HOME", ""))
+    if not base.is_absolute():
+        home = Path.home()
+        base = home / usual
         if sys.platform == "darwin":
-            base = home / "Library" / "Application Support"
+            base = home / "Library" / apple
         elif sys.platform == "win32":
             base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    return base / "gamekeeper" / "own-runs"
+    return base / "gamekeeper"
 
 
 def is_private(path: Path) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import random
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
@@ -11,7 +10,6 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-import numpy as np
 import pyarrow.compute as pc
 
 from gamekeeper.episodes.canonical import from_json, is_exact
@@ -29,6 +27,7 @@ from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import ActionChooser
 from gamekeeper.rollouts.memory import MemorySink
+from gamekeeper.rollouts.process_randomness import states
 from gamekeeper.rollouts.reruns import replay_trace
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.load_run import load
@@ -448,20 +447,15 @@ def play_task(
     evidence = load(path)
     opened = opened_again(evidence, env)
     runner = ReplayRunner(evidence, opened, after_turn=report)
-    before = _global_states()
+    before = states()
     header: Mapping[str, Any] = {}
     with closing(runner):
         for each in evidence.headers:
             if first <= each["episode"] <= last:
                 header = runner.play(each)
-    states = zip(GENERATORS, before, _global_states(), strict=True)
+    after = states()
     return {
         "prints": [header.get("fingerprint"), header.get("info_fingerprint")],
-        "drew": [name for name, old, new in states if old != new],
+        "drew": [name for name in GENERATORS if before[name] != after[name]],
         "entry_point": opened.identity.get("entry_point"),
     }
-
-
-def _global_states() -> tuple[object, object]:
-    """The states of the global generators, in the order of `GENERATORS`."""
-    return repr(random.getstate()), repr(np.random.get_state(legacy=True))

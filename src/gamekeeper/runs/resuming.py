@@ -153,17 +153,7 @@ def _otherwise(episode: int, seen: str) -> EvidenceError:
 
 def _header(evidence: Evidence, episode: int, turn: int) -> Mapping[str, Any]:
     """The row of an episode that has such a turn."""
-    count = evidence.episode_table.num_rows
-    try:
-        header = evidence.header(episode)
-    except KeyError:
-        raise EvidenceError(
-            f"the run has no episode {episode}",
-            where="episode",
-            expected=f"a number from 0 to {count - 1}" if count else "a run with episodes",
-            actual=str(episode),
-            fix="choose one of these",
-        ) from None
+    header = evidence.header(episode)
     steps = evidence.turns_of(header)
     if not 0 <= turn <= steps:
         raise EvidenceError(

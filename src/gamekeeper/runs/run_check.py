@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -20,7 +19,6 @@ from gamekeeper.episodes.digest import EpisodeDigest, episode_header, state_dige
 from gamekeeper.episodes.encoder import EPISODES, KEPT, LEVELS, add_infos, by_episode
 from gamekeeper.episodes.episode import digests_of, states_of_table
 from gamekeeper.episodes.evidence import Evidence, fingerprints
-from gamekeeper.episodes.known_extent import env_steps
 from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
 from gamekeeper.runs.files.checksums import (
@@ -280,21 +278,11 @@ def contradiction(evidence: Evidence, again: ComputedFingerprints | None = None)
     if set(manifest.get("agents") or manifest["spaces"]) != set(manifest["spaces"]):
         return "its agents aren't those that have spaces"
     for header in evidence.headers:
-        least, most = _known_turns(evidence, header)
+        least, last = evidence.reach(header["episode"])  # steps that the rows allow
+        most = max(least, last)
         if header["turns"] is not None and not least <= header["turns"] <= most:
             return f"episode {header['episode']} has {most} steps, not {header['turns']}"
     return ""
-
-
-def _known_turns(evidence: Evidence, header: Mapping[str, Any]) -> tuple[int, int]:
-    """Least and largest number of steps that the rows of an episode allow."""
-    acted = last = 0
-    for steps in evidence.tables.parts("agent_steps", header["episode"]) or ():
-        turns = steps["turn"]
-        of_actions = pc.max(turns.filter(pc.is_valid(steps["order"]))).as_py()
-        acted = acted if of_actions is None else max(acted, int(of_actions) + 1)
-        last = max(last, int(pc.max(turns).as_py() or 0))
-    return acted, max(acted, last)
 
 
 def _check_own(steps: pa.Table, number: int) -> None:
@@ -382,7 +370,7 @@ def recover(
     for row in rows:
         row["fingerprint"], row["info_fingerprint"] = found.episodes[row["episode"]]
         if row["end"] is None:
-            row |= {"end": "torn", "turns": _turns(evidence, row)}
+            row |= {"end": "torn", "turns": _turns(evidence, row["episode"])}
     if error is not None and rows:
         end = "failed" if is_theirs else rows[-1]["end"]
         rows[-1] |= {"end": end, "error": rows[-1]["error"] or error}
@@ -400,9 +388,9 @@ def recover(
     return load(path)
 
 
-def _turns(evidence: Evidence, header: Mapping[str, Any]) -> int:
+def _turns(evidence: Evidence, episode: int) -> int:
     """The whole turns of an episode: a row of timings for each, where any were written yet."""
     timings = evidence.timings
     if timings is None:
-        return env_steps(evidence.episode_of(header))
-    return int(timings["episode"].to_pylist().count(header["episode"]))
+        return evidence.reach(episode)[0]
+    return int(timings["episode"].to_pylist().count(episode))

@@ -7,10 +7,10 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from html import escape
 from typing import Any, Final, Literal, TypeAlias
 
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.row_tables import html_table
 from gamekeeper.interface.policy import EVERYONE, SAME
 
 # -- The policies of a run, and the command that records the same anew
@@ -184,13 +184,8 @@ class Against:
         return "\n".join([*lines, *(f"  $ {command}" for command in self.commands)])
 
     def _repr_html_(self) -> str:
-        head = ("", "recorded", "now", "")
         rows = [(row.what, row.recorded or "", row.now or "", row.status) for row in self.rows]
-        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
-        )
-        return f"<b>{self.status}</b><table><tr>{heading}</tr>{body}</table>"
+        return html_table([("", "recorded", "now", ""), *rows], caption=self.status)
 
 
 def standing(

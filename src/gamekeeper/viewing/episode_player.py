@@ -65,7 +65,7 @@ def player(
         episode: its number.
         height: of the frame in a notebook, in pixels.
     Raises:
-        KeyError: there is no such episode.
+        EvidenceError: there is no such episode.
         RunError: there is no run, or it is damaged.
     """
     run = evidence if isinstance(evidence, Evidence) else load(evidence)

@@ -332,16 +332,8 @@ def film(
 
 def _episode(evidence: Evidence, asked: int | None, known: dict[int, Any], *, render: bool) -> int:
     numbers = evidence.episode_table["episode"].to_pylist()
-    if asked is not None and asked not in numbers:
-        raise EvidenceError(
-            f"the run has no episode {asked}",
-            where="--episode",
-            expected=f"one of {len(numbers)} episodes",
-            actual=str(asked),
-            fix="`gamekeeper show RUN` tells the number of episodes",
-        )
     if asked is not None:
-        return asked
+        return int(evidence.header(asked)["episode"])
     with_frames = [number for number in numbers if number in known]
     if not with_frames and not (render and numbers):
         raise _without_frames(evidence, None, render=False)

@@ -160,7 +160,7 @@ def packed_of(
         has_failed: True if it failed, where that is known already.
         pivots: the document of `gamekeeper pivots`.
     Raises:
-        KeyError: there is no such episode.
+        EvidenceError: there is no such episode.
     """
     trace = evidence.episode(episode)
     roster = roster or packed_agents(evidence)
