@@ -171,7 +171,7 @@ def test_run_counts_what_is_not_declared_and_names_the_command(
     line = ("run", env, "--kwargs", kwargs, "--no-audit", "--episodes", "1")
     code, out, err = said(capfd, *line, "--out", tmp_path / "a")
     assert code == 0, err
-    assert "properties are not declared, and so not checked. To see which:" in out
+    assert "properties are not declared, and so not checked. To draft a contract:" in out
     assert f"    gamekeeper contract {env} --kwargs '{kwargs}' --out rough_v0.toml" in out
 
 

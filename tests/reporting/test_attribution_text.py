@@ -71,7 +71,7 @@ def test_attribution_text_has_a_group_for_each_way_of_measuring() -> None:
     assert "own return:" in recorded
     assert "idle -: no noop is declared" in recorded
     assert "share -" not in recorded
-    assert agents.startswith("Agents replaced: 50 new episodes")
+    assert agents.startswith("Agents replaced, several sets of them in each: 50 new episodes")
     assert "difference: mean team return that is lost if the baseline plays" in agents
     assert "Shapley value: what the agent adds" in agents
     assert "n: number of episodes; a confidence interval needs at least 50" in agents

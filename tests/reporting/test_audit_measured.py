@@ -44,7 +44,7 @@ def test_measured_stands_beside_declared() -> None:
     assert rows["symmetric"].split("  ")[-1].strip() == "rover: yes"
     assert rows["reward"].endswith("sample (individual)")
     assert "Which API fits this game\n  Parallel (ParallelEnv) fits: in 518 ticks" in text
-    assert "no difference seen in" in rows["dictionary order matters"]
+    assert "no difference seen in" in rows["order of actions matters"]
 
 
 def test_measured_values_are_sentences() -> None:
@@ -54,7 +54,7 @@ def test_measured_values_are_sentences() -> None:
         "order": "none",
         "symmetric": "rover: seems so, permutation test, p = 0.52, 24 episodes",
         "reward": "not the same for all agents",
-        "endings": "0 of 8 episodes ended",
+        "endings": "0 of 8 episodes ended by themselves",
     }
     paid = {"shared": True, "zero_sum": False, "n": 1_193}
     assert words(paid).endswith(
@@ -63,7 +63,7 @@ def test_measured_values_are_sentences() -> None:
     said = {"message": True, "to": ["rover"], "n": 40}
     assert words(said) == "its action is a message to rover (40 comparisons)"
     ended = {"episodes": 9, "ended": 8, "ticks": {"least": 3, "median": 4, "most": 25}}
-    assert words(ended) == "8 of 9 episodes ended, after 3 to 25 (median 4) ticks"
+    assert words(ended) == "8 of 9 episodes ended by themselves, after 3 to 25 (median 4) ticks"
     kinds = [{"kind": "truncation", "owner": "all", "seen": 7}]
     of_both = {**ended, "kinds": kinds, "by_agent": {"a": {"terminated": 1, "truncated": 7}}}
     assert words(of_both).startswith("truncation of all, termination (owner not measured): 8 of 9")

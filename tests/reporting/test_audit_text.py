@@ -45,7 +45,7 @@ def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
     )
     blocks = dict(failed_blocks(document, width=120))
     assert list(blocks) == ["Failed: high severity", "Failed: consequences of these"]
-    expected = "Follows from GK602: it passes with global generators seeded."
+    expected = "Follows from GK602: with global generators seeded, it passes."
     assert blocks["Failed: consequences of these"].endswith(expected)
     assert "GK601" not in blocks["Failed: high severity"]
 
@@ -153,8 +153,8 @@ def test_passed_checks_with_few_cases_say_what_they_could_miss() -> None:
         verdict("GK3", "passed", cases=400, could_miss=0.0075),
     )
     assert chances_text(document, width=120) == (
-        "2 checks passed at 4 places or fewer, which a fault at 1 in 10 may escape "
-        "(--json: cases, could_miss)"
+        "2 checks passed at 4 places or fewer each, too few to be sure of a fault that shows at 1 "
+        "in 10 (--json: cases,\n  could_miss)"
     )
 
 

@@ -24,7 +24,7 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     assert any(line.startswith("Who        giver_0 (isolated;") for line in lines)
     assert any(line.startswith("Undone by  latency[giver_0] = 0") for line in lines)
     assert any("gamekeeper pivots runs/x --episode 0" in line for line in lines)
-    assert "Not named  receiver_0 (no cause found)" in lines
+    assert "Not named  receiver_0 (no cause found in what was tried)" in lines
     assert any(line.startswith("How sure   success rate from 0% to ") for line in lines)
 
 

@@ -93,7 +93,7 @@ def test_one_sample_of_equal_returns_is_refused_in_any_unit(statistic, value) ->
     """They say nothing of their spread; what they may have missed is said."""
     with pytest.raises(EvidenceError, match="all 50 episodes have the same") as caught:
         _interval([value] * 50, statistic=statistic)
-    assert "rarer ones than 1 in 16 may be missing" in str(caught.value)
+    assert "values rarer than 1 in 16 may be missing" in str(caught.value)
 
 
 @pytest.mark.parametrize("statistic", STATISTICS)

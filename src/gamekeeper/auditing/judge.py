@@ -47,7 +47,7 @@ WANTED: Final = {
     "same_seed": "an episode that can be played twice",
     "second_episode": "an episode that repeats in a fresh instance, by a seed that isn't ignored",
     "spaces": "an agent with spaces, and a value of them",
-    "special_seeds": "a reset that takes a seed",
+    "special_seeds": "an ordinary seed with which an episode repeats",
     "state": "a state() that returns a value",
     "surface": "a reset and a step that return without an error",
     "unseeded": "an episode in which something is drawn",

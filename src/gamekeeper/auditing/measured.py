@@ -35,7 +35,8 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "tells a joint rule from a fixed order of names, or draws blur it",
     "legality": "too few comparisons of masks of other agents",
     "messages": "too few comparisons of what replaced moves change",
-    "deterministic": "no rerun of an instance that plays the same again once used",
+    "deterministic": "no episode was played again, or a used instance plays another one than a new "
+    "instance, so that the rerun can't be compared",
     "horizon": "no two whole episodes were truncated at the same length",
     "symmetric": "too few episodes in which two agents of a role came to different results",
     "advice": "too few comparisons",

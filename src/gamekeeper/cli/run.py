@@ -202,8 +202,9 @@ def show_undeclared(screen: Screen, form: GameForm, env: str, *, kwargs: str | N
     noun = "1 property is" if count == 1 else f"{count} properties are"
     command = f"gamekeeper contract {quote(env)}"
     command += f" --kwargs {quote(kwargs)}" if kwargs else ""
+    listed = "list them" if form.is_declared else "draft a contract"
     command += "" if form.is_declared else f" --out {quote(contract_file(env, form))}"
-    screen.show(f"\n{INDENT}{noun} not declared, and so not checked. To see which:")
+    screen.show(f"\n{INDENT}{noun} not declared, and so not checked. To {listed}:")
     screen.show(f"{INDENT * 2}{command}")
 
 

@@ -167,7 +167,7 @@ def judged(
 
 
 def _is_of_several(one: IdealSubstitute) -> bool:
-    """Of different components, or undos of different agents: each part may be enough."""
+    """Tells if it is of several components, or undos of several agents: each part may be enough."""
     return "+" in one.component or one.is_pair
 
 

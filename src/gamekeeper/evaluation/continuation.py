@@ -129,7 +129,7 @@ def _refuse_loss(lost: Sequence[str], storage: Storage) -> None:
         raise RunError(
             "the folder holds results of another evaluation, which would be lost",
             where=str(storage),
-            expected="all that was evaluated there, or more: episodes, environments, policies",
+            expected="at least the episodes, environments and policies that are there",
             actual="; ".join(lost),
             fix="name another folder with --out (out=...), or delete this one to start anew",
         )

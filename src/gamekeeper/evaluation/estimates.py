@@ -123,7 +123,7 @@ class Judge:
     def flat(self, value: float, n: int, unit: str, *, of: str) -> dict[str, Any]:
         """A figure that is one number everywhere, so that it has no interval."""
         error = no_spread(value, n, unit, where=of)
-        return self._point(value, error, "interval of a figure that is the same everywhere", of)
+        return self._point(value, error, "interval of a figure that never varies", of)
 
     def runs(
         self,

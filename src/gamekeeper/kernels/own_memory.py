@@ -27,12 +27,12 @@ WORD: Final = 16
 
 
 def is_owned(name: str, whole: Any) -> bool:
-    """Whether one copy of this array is in a thread's own memory."""
+    """Tells if one copy of this array is in a thread's own memory."""
     return name in OWNED and 0 < sum(part.strides[0] for part in leaves(whole)) <= LARGEST
 
 
 def has_one_term(sample: Arrays) -> bool:
-    """Whether terms are the rewards' own memory."""
+    """Tells if terms are the rewards' own memory."""
     return bool(sample.terms.ctypes.data == sample.rewards.ctypes.data)
 
 

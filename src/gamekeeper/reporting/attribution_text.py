@@ -24,7 +24,7 @@ REPLACED: Final = (
     "difference: mean team return that is lost if the baseline plays for this agent, and "
     "the policies of the others react",
     "Shapley value: what the agent adds to the team's mean return, on average over all orders in "
-    "which the agents could join; the values sum to what these agents add together",
+    "which the agents could join; the values sum to what all agents with a value add together",
 )
 REPEATED: Final = (
     "one action: mean team return that is lost if {stand_in} replaces one of the agent's actions, "
@@ -93,7 +93,8 @@ def _replaced(document: Mapping[str, Any], width: int) -> str:
     parts = [part[key] for part in agents.values() for key in ("difference", "shapley")]
     is_sample = any("were drawn" in each["why"] for each in document["not_tested"])
     absent = f"-: not measured: the agent joins late{', or was not drawn' * is_sample}"
-    title = f"Agents replaced: {_episodes(document['fresh'], 'new')}{_named(document)}"
+    played = f"{_episodes(document['fresh'], 'new')}{_named(document)}"
+    title = f"Agents replaced, several sets of them in each: {played}"
     legend = [*REPLACED, *_signs(parts, absent)]
     values = [(part["difference"] or {}).get("value") for part in agents.values()]
     return _group(title, rows, values, legend, width, above=team_sentence(document))

@@ -111,7 +111,7 @@ def _consequence(verdict: Document) -> Row:
     """The broken rule, the cause, and what was held still so that the reproducer passed."""
     cause = verdict["follows_from"]
     held = cause["held_still"]
-    why = f"it passes with {held}" if held else "the same exception"
+    why = f"with {held}, it passes" if held else "both end in the same exception"
     text = f"{broken_rule(verdict)} Follows from {cause['id']}: {why}."
     return verdict["id"], _short(text)
 
@@ -203,7 +203,7 @@ def _cases(verdict: Document) -> str:
     how = verdict["reproduced"]
     if how is not None:
         text += f"; its program failed in {how['failed']} of {how['tried']} new processes"
-        text += ", and passed with the trigger taken out" if how["unchanged_passed"] else ""
+        text += ", and passed without what triggers the fault" if how["unchanged_passed"] else ""
     confidence = verdict["confidence"]
     return text if confidence >= SURE else f"{text}; confidence {confidence:.2f}"
 
@@ -282,8 +282,8 @@ def chances_text(audit: Document, *, width: int) -> str:
         return ""
     most = _counted(max(each["cases"] for each in few), "place")
     text = (
-        f"{_counted(len(few), 'check')} passed at {most} or fewer, which a fault at 1 in "
-        f"{1 / LARGE_SHARE:.0f} may escape (--json: cases, could_miss)"
+        f"{_counted(len(few), 'check')} passed at {most} or fewer each, too few to be sure of a "
+        f"fault that shows at 1 in {1 / LARGE_SHARE:.0f} (--json: cases, could_miss)"
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
 

@@ -146,7 +146,7 @@ def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     named = _named(document)
     others = [name for name in document["agents"] if name not in named]
     if named and others:
-        yield "Not named", f"{few(others)} (no cause found)"
+        yield "Not named", f"{few(others)} (no cause found in what was tried)"
 
 
 def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -27,8 +27,8 @@ COLUMNS: Final = {
     "of": "team: sum over its agents; a role: mean over its agents; or one agent",
     "IQM": "interquartile mean: the mean of the middle half",
     "5 to 95 %": "between these two values lie 90 % of the episodes (or training runs)",
-    "success": "share of episodes without the contract's [failure], or with the `success` of the "
-    "specification",
+    "success": "share of episodes that meet the specification's `success`; where it has none, of "
+    "those that don't meet the contract's [failure]",
     "cut": "episodes that were stopped while agents were live, after most_turns steps",
     "failed": "episodes that an exception, or a reward that is NaN or infinite, ended",
     "mixed": "episodes in which agents ended in different ways",
@@ -171,7 +171,7 @@ def _runs(rows: Sequence[Row], width: int) -> Iterator[str]:
 def _counted(rows: Sequence[Row]) -> str:
     """The unit in which endings are counted."""
     has_roles = any(row["scope"] == "role" for row in _shown(rows))
-    return "number of episodes" + (" (of a role: of agents' episodes)" if has_roles else "")
+    return "number of episodes" + (" (a role's row counts each of its agents)" if has_roles else "")
 
 
 def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:

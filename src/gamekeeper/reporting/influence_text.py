@@ -12,14 +12,15 @@ INDENT: Final = "  "
 MOST_ROWS: Final = 12
 """Rows that are shown; the JSON document has all of them."""
 TITLE: Final = (
-    "Influence: how often another legal action of one agent, in the same episode, changed the "
+    "Influence: how often another legal action of one agent, all else repeated, changed the "
     "mask, observation, reward or ending of another agent"
 )
 UNITS: Final = {"rounds": "rounds (one turn of every live agent)", "steps": "env steps"}
 LEGEND: Final = (
     "{lag} later: {unit} from the action to the first change: of a reward or ending, or of an "
     "observation or mask with which its agent decides; changed: share of the n replaced actions "
-    "that changed it, also by what the environment then drew (95 % confidence interval)"
+    "that changed it, also by what the environment then drew (95 % confidence interval); sorted "
+    "by the lower end of the interval"
 )
 
 

@@ -37,7 +37,7 @@ DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
 }
 """Places of a contract that declare a key of `measured`; `*`: each name."""
 BY_AGENT: Final = "by_agent"
-COLUMNS: Final = {"least": "least reward", "most": "largest", "open": "not ended"}
+COLUMNS: Final = {"least": "least reward of a step", "most": "largest", "open": "not ended"}
 """Names of columns that are more than their key."""
 LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
@@ -46,7 +46,7 @@ SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 LABELS: Final = {
     "deterministic": "the seed settles everything",
     "legality": "moves change masks of others",
-    "order_sensitive": "dictionary order matters",
+    "order_sensitive": "order of actions matters",
 }
 """Rows of the table whose label is more than their key."""
 ORDER_MATTERS: Final = {
@@ -144,7 +144,11 @@ def _value(key: str, value: Any, measured: Document) -> str:
     if key == "horizon" and measured.get("near_limits"):
         return near_horizon(measured)
     if key in ("may_join", "may_leave") and value == []:
-        return "no agent came later" if key == "may_join" else "no agent left without an end"
+        return (
+            "no agent came later"
+            if key == "may_join"
+            else "no agent left without being terminated or truncated"
+        )
     if key == "stages" and value:
         return ", then ".join(" and ".join(stage) for stage in value)
     return words(value)
@@ -237,7 +241,9 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        return f"no message: its action changes the world ({value['n']:,} comparisons)"
+        more = "its action changes more than what others observe"
+        why = more if value["to"] else "no effect on what others observe was seen"
+        return f"no message: {why} ({value['n']:,} comparisons)"
     return f"its action is a message to {words(value['to'])} ({value['n']:,} comparisons)"
 
 
@@ -257,7 +263,7 @@ def _payments(value: Document) -> str:
 
 def _lengths(value: Document) -> str:
     """Number of episodes that ended by themselves, and their length in ticks."""
-    text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended"
+    text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended by themselves"
     told = value.get("kinds") or ()
     by_agent = _by_agent(value)
     counted = {key: any(each.get(key) for each in by_agent) for key in FLAGS.values()}

@@ -21,7 +21,7 @@ from gamekeeper.runs.load_run import load
 RULES: Final = {
     "allow_import": "you allowed it with --allow-import",
     "named": "you named it with --env",
-    "own_run": "the run is your own: recorded on this machine, unchanged since",
+    "own_run": "the run is your own: recorded on this machine, its files unchanged since",
     "installed": "it is an installed package",
     "in_memory": "this process has just played it",
 }

@@ -173,7 +173,7 @@ def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
     Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
     """
     rare = n // RULE_OF_THREE
-    missed = f"; rarer ones than 1 in {rare} may be missing"
+    missed = f"; values rarer than 1 in {rare} may be missing"
     return EvidenceError(
         f"all {n} {unit} have the same value, so nothing is known of its spread"
         f"{missed if rare > 1 else ''}",

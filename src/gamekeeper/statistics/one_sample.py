@@ -83,8 +83,8 @@ def quantile(
         raise EvidenceError(
             "too many values around the quantile are equal",
             where="quantile",
-            expected=f"at least {100 * LEAST_DISTINCT:g} % of them differ",
-            actual=f"{100 * distinct:.0f} % differ",
+            expected=f"at least {100 * LEAST_DISTINCT:g} % of these are distinct",
+            actual=f"{100 * distinct:.0f} % are distinct",
             fix="show the figure without an interval",
         )
     value = float(np.quantile(ordered, part))

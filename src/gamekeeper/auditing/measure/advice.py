@@ -124,7 +124,7 @@ def _together(signs: RoundSigns) -> FormAdvice:
         drawn = drawn if signs.dictionary == "draws" else ""
         text = (
             "no order of the moves of a tick was found to matter, though moves affect other "
-            f"agents (in {signs.hits:,} of {signs.looks:,} comparisons, over all lags){drawn}"
+            f"agents (in {signs.hits:,} of {signs.looks:,} comparisons){drawn}"
         )
         return FormAdvice("parallel", (), text)
     looks = min(signs.within[reason].looks for reason in ("state", "reward"))

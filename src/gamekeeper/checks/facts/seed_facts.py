@@ -36,7 +36,7 @@ class UnseededPlays:
 
 @dataclass(frozen=True, slots=True)
 class UnseededOpenings:
-    """What resets gave without a seed and without a step between.
+    """Results of resets without a seed and without a step between.
 
     Only where all seeded plays are equal and unseeded ones aren't.
     """
