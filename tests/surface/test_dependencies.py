@@ -23,6 +23,7 @@ UNIMPORTED = {
     "nvidia-cuda-nvrtc",  # libraries in C that numba-cuda loads
     "nvidia-nvvm",
     "numba-cuda",  # stands in for numba.cuda
+    "cuda-core",  # imported by its name where a device is, as it ships no types
 }
 GUESTS = {"pytest", "IPython", "traitlets"}
 """Modules that are imported only where they are there already."""

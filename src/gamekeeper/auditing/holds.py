@@ -188,6 +188,21 @@ def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def spaces_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Seeds the spaces of all possible agents at each reset."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            for agent in self.possible_agents:
+                self.observation_space(agent).seed(0)
+                self.action_space(agent).seed(0)
+            return cls.reset(self, *args, **kwargs)
+
+        return {"reset": reset}
+
+    return with_methods(make, methods)
+
+
 def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Resets a fresh instance in place of a used one."""
 
@@ -485,32 +500,17 @@ GLOBALS: Final = Hold(
 )
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
 GENERATORS: Final = Hold("own generators restarted at each reset", generators_held, is_general=True)
+SPACES: Final = Hold("spaces seeded at each reset", spaces_held, is_general=True)
 INSTANCES: Final = Hold(
     "a fresh instance for each reset",
     instances_held,
     ("GK103", "GK406", "GK506", "GK523", "GK815"),
     is_general=True,
 )
-COPIES: Final = Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703"))
 CLASSES: Final = Hold(
     "a copy of what the class keeps for each instance", classes_held, ("GK701", "GK702", "GK703")
 )
-OBSERVATIONS: Final = Hold(
-    "observations copied before they are handed out", observations_held, ("GK620", "GK624")
-)
-INFOS: Final = Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624"))
-STATE: Final = Hold("what state() gives copied", state_held, ("GK622",))
 READINGS: Final = Hold("state() and render() called on a copy", readings_held, ("GK805", "GK814"))
-OBSERVE: Final = Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True)
-REWARDS: Final = Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411"))
-NAMES: Final = Hold("agents named once each after every reset", names_held, ("GK102",))
-ENDED: Final = Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",))
-ENTRIES: Final = Hold(
-    "entries of agents that aren't in the game deleted",
-    entries_held,
-    ("GK221", "GK402", "GK403", "GK407", "GK527"),
-)
-ORDERS: Final = Hold("actions in the order of possible_agents", orders_held, ("GK312",))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same play differs by itself, so that another fault in it can be shown."""
@@ -519,23 +519,30 @@ AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
 """Held where a play shows a fault by what it drew: it draws the same again, as in the audit."""
 HOLDS: Final = {
     "GK602": GLOBALS,
+    "GK638": SPACES,
     "GK601": GENERATORS,
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,
-    "GK634": OBSERVE,
+    "GK634": Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True),
     "GK607": CLASSES,
-    "GK701": COPIES,
-    "GK610": OBSERVATIONS,
-    "GK611": INFOS,
-    "GK612": STATE,
+    "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
+    "GK610": Hold(
+        "observations copied before they are handed out", observations_held, ("GK620", "GK624")
+    ),
+    "GK611": Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624")),
+    "GK612": Hold("what state() gives copied", state_held, ("GK622",)),
     "GK636": READINGS,
     "GK637": READINGS,
-    "GK405": REWARDS,
-    "GK104": NAMES,
-    "GK503": ENDED,
-    "GK106": ENTRIES,
-    "GK311": ORDERS,
+    "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
+    "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
+    "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
+    "GK106": Hold(
+        "entries of agents that aren't in the game deleted",
+        entries_held,
+        ("GK221", "GK402", "GK403", "GK407", "GK527"),
+    ),
+    "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),
 }
 """By the check whose failure is a cause, in the order in which causes are established."""
 

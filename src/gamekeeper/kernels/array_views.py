@@ -58,30 +58,33 @@ def leaves(value: Any) -> Iterator[NDArray[Any]]:
 
 def shapes(kernel: Kernel) -> str:
     """Shapes and types of the arrays: part of the key under which compiled code is kept."""
-    sample = arrays_of(kernel, np.zeros(1, kernel.dtype))
+    sample = sample_of(kernel)
     parts = [f"{array.dtype.descr}{array.shape}" for array in leaves(sample)]
     names = [type(part).__name__ for part in sample if isinstance(part, tuple)]
     return repr((kernel.dtype.descr, tables_of(kernel).dtype.descr, parts, names))
 
 
-def copy_of(kernel: Kernel) -> Any:
+def copy_of(kernel: Kernel, reader: type[AddressReader] | None = None) -> Any:
     """`copy(places, e)`, compiled: the state of copy e, the tables, and its views of the arrays.
 
     The views are borrowed: no reference is counted, and none may outlive the call.
+
+    Args:
+        reader: makes the views; None: views of the arrays themselves.
     """
     types, intrinsic = numba_part("core.types"), numba_part("extending").intrinsic
-    sample = arrays_of(kernel, np.zeros(1, kernel.dtype))
+    kind_of_reader, sample = reader or AddressReader, sample_of(kernel)
     kinds = [numba().from_dtype(dtype) for dtype in (kernel.dtype, tables_of(kernel).dtype)]
-    found = types.Tuple((*kinds, _view_type(sample)))
-    sizes = kernel.dtype.itemsize, 0
+    found = types.Tuple((*kinds, view_type_of(sample)))
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        reader = _AddressReader(context, builder, signature.args[0], *values)
+        reads = kind_of_reader(context, builder, signature.args[0], *values)
+        pointers = reads.state(kernel.dtype.itemsize), reads.pointer(0)
         records = [
-            builder.bitcast(reader.pointer(size), context.get_value_type(kind))
-            for size, kind in zip(sizes, kinds, strict=True)
+            builder.bitcast(pointer, context.get_value_type(kind))
+            for pointer, kind in zip(pointers, kinds, strict=True)
         ]
-        return context.make_tuple(builder, found, [*records, reader.view(sample)])
+        return context.make_tuple(builder, found, [*records, reads.arrays(sample)])
 
     @intrinsic  # type: ignore[untyped-decorator]  # Numba's
     def copy(typing_context: Any, places: Any, index: Any) -> Any:
@@ -91,15 +94,21 @@ def copy_of(kernel: Kernel) -> Any:
     return copy
 
 
-def _view_type(whole: Any) -> Any:
+def sample_of(kernel: Kernel) -> Arrays:
+    """The arrays of one copy, for their shapes and types."""
+    return arrays_of(kernel, np.zeros(1, kernel.dtype))
+
+
+def view_type_of(whole: Any) -> Any:
+    """The compiled type of one copy's views of an array of one copy, or of a tuple of such."""
     types = numba_part("core.types")
     if isinstance(whole, tuple):
-        parts = tuple(_view_type(part) for part in whole)
+        parts = tuple(view_type_of(part) for part in whole)
         return types.BaseTuple.from_types(parts, type(whole) if hasattr(whole, "_fields") else None)
     return types.Array(numba().from_dtype(whole.dtype), whole.ndim - 1, "C")
 
 
-class _AddressReader:
+class AddressReader:
     """Reads address after address, and writes the code that makes views of them."""
 
     def __init__(self, context: Any, builder: Any, kind: Any, places: Any, index: Any) -> None:
@@ -121,15 +130,27 @@ class _AddressReader:
         offset = builder.mul(self.index, self.number(size))
         return builder.gep(builder.inttoptr(start, byte.as_pointer()), [offset], inbounds=True)
 
+    def state(self, size: int) -> Any:
+        """The state's address."""
+        return self.pointer(size)
+
+    def arrays(self, sample: Arrays) -> Any:
+        """One copy's views of all arrays."""
+        return self.view(sample)
+
     def view(self, whole: Any) -> Any:
         """One copy's views of an array of one copy, or of a tuple of such."""
-        kind = _view_type(whole)
         if isinstance(whole, tuple):
+            kind = view_type_of(whole)
             return self.context.make_tuple(self.builder, kind, [self.view(part) for part in whole])
-        array = self.arrayobj.make_array(kind)(self.context, self.builder)
+        return self.view_at(whole, self.pointer(whole.strides[0]))
+
+    def view_at(self, whole: Any, pointer: Any) -> Any:
+        """A view of one copy's part of an array at this address."""
+        array = self.arrayobj.make_array(view_type_of(whole))(self.context, self.builder)
         self.arrayobj.populate_array(
             array,
-            data=self.builder.bitcast(self.pointer(whole.strides[0]), array.data.type),
+            data=self.builder.bitcast(pointer, array.data.type),
             shape=[self.number(n) for n in whole.shape[1:]],
             strides=[self.number(n) for n in whole.strides[1:]],
             itemsize=self.number(whole.itemsize),

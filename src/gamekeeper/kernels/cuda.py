@@ -71,16 +71,19 @@ class CudaBatch:
         else:
             self._code = code.code_of(kernel)
         self._grid = -(-num_envs // threads), threads
+        self._graph_of, self._quiet = code.graph_of, code.quiet
+        self._play: tuple[Any, Any] | None = None
 
     def reset(self, seed: int | None = None) -> Any:
         """Every copy begins its first episode of the run; returns the observations."""
         if seed is not None:
-            self._seeds = EpisodeSeeds(seed)
+            self._seeds, self._play = EpisodeSeeds(seed), None
         self._forgive()
         seeds = self._seeds
-        self._code.begin[self._grid](
-            self._places, self.num_envs, seeds.pool, seeds.constant, self._tells
-        )
+        with self._quiet():
+            self._code.begin[self._grid](
+                self._places, self.num_envs, seeds.pool, seeds.constant, self._tells
+            )
         return self.arrays.obs
 
     def step(self, actions: Any = None) -> tuple[Any, Any, Any, Any]:
@@ -101,22 +104,35 @@ class CudaBatch:
                 mine, given = (mine,), (given,)
             for place, values in zip(mine, given, strict=True):
                 self._put(place, values)
-        if self._checks != "never":
-            self._code.judge[self._grid](self._places, self.num_envs, self._flag)
-            if self._checks == "each":
-                self.check()
-        seeds = self._seeds
-        self._code.step[self._grid](
-            self._places,
-            self.num_envs,
-            self._flag,
-            seeds.pool,
-            seeds.constant,
-            self.num_envs,
-            self._is_next,
-            self._tells,
-        )
+        judge, step = self._play = self._play or self._prepared()
+        if judge is not None:
+            judge()
+            self.check()
+        step()
         return a.obs, a.rewards, a.terminated, a.truncated
+
+    def _prepared(self) -> tuple[Any, Any]:
+        """Functions that judge, where a step waits for it, and play a step of the run's seeds."""
+        code, seeds, grid = self._code, self._seeds, self._grid
+
+        def judge(stream: Any) -> None:
+            code.judge[(*grid, stream)](self._places, self.num_envs, self._flag)
+
+        def step(stream: Any) -> None:
+            code.step[(*grid, stream)](
+                self._places,
+                self.num_envs,
+                self._flag,
+                seeds.pool,
+                seeds.constant,
+                self.num_envs,
+                self._is_next,
+                self._tells,
+            )
+
+        if self._checks == "each":
+            return self._graph_of(judge), self._graph_of(step)
+        return None, self._graph_of(*([judge] if self._checks == "later" else []), step)
 
     def check(self) -> None:
         """Waits for all steps so far; afterwards the batch takes steps again.

@@ -254,13 +254,8 @@ class Handover(DisturbedTurns, MaskedTurns):
         check_sizes(sizes, shared=2 if settings.held_out else 1)
         kernel = handover_kernel(**sizes, horizon=horizon)
         super().__init__(kernel, render_mode=render_mode, debug=debug)
-        self.reach, self.shared, self.parts, self.tray_size, self.gap = (
-            reach,
-            shared,
-            parts,
-            tray,
-            gap,
-        )
+        self.reach, self.shared, self.gap = reach, shared, gap
+        self.parts, self.tray_size = parts, tray
         self.cells, self.furthest = 2 * reach + shared, reach + shared - 1
         self.disturb(
             settings,
