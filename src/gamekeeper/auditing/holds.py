@@ -47,6 +47,19 @@ def with_methods(
     return built
 
 
+def before_resets(make: Callable[[], Any], prepare: Callable[[Any], None]) -> Callable[[], Any]:
+    """Builds the environment, and calls `prepare` with it before each of its resets."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            prepare(self)
+            return cls.reset(self, *args, **kwargs)
+
+        return {"reset": reset}
+
+    return with_methods(make, methods)
+
+
 def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
     """Puts calls that an instance has as attributes of its own where a class can replace them."""
     names = "reset", "step", "observe", "state", "render"
@@ -98,7 +111,7 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
 def resets_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Seeds the global generators before an environment is built, and before each reset."""
 
-    def seed_all() -> None:
+    def seed_all(env: Any = None) -> None:
         np.random.seed(764_309)
         random.seed(764_309)
         if "torch" in sys.modules:
@@ -106,16 +119,9 @@ def resets_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
     def built() -> Any:
         seed_all()
-        env = make()
-        cls = type(env)
+        return make()
 
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            seed_all()
-            return cls.reset(self, *args, **kwargs)
-
-        return with_class(env, reset=reset)
-
-    return built
+    return before_resets(built, seed_all)
 
 
 def hold_entropy() -> Callable[[], None]:
@@ -178,43 +184,28 @@ def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
             else:
                 each.bit_generator.state = type(each.bit_generator)(0).state
 
-    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            restart(self)
-            return cls.reset(self, *args, **kwargs)
-
-        return {"reset": reset}
-
-    return with_methods(make, methods)
+    return before_resets(make, restart)
 
 
 def spaces_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Seeds the spaces of all possible agents at each reset."""
 
-    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            for agent in self.possible_agents:
-                self.observation_space(agent).seed(0)
-                self.action_space(agent).seed(0)
-            return cls.reset(self, *args, **kwargs)
+    def seed(env: Any) -> None:
+        for agent in env.possible_agents:
+            env.observation_space(agent).seed(0)
+            env.action_space(agent).seed(0)
 
-        return {"reset": reset}
-
-    return with_methods(make, methods)
+    return before_resets(make, seed)
 
 
 def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Resets a fresh instance in place of a used one."""
 
-    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            self.__dict__.clear()
-            self.__dict__.update(make().__dict__)
-            return cls.reset(self, *args, **kwargs)
+    def renew(env: Any) -> None:
+        env.__dict__.clear()
+        env.__dict__.update(make().__dict__)
 
-        return {"reset": reset}
-
-    return with_methods(make, methods)
+    return before_resets(make, renew)
 
 
 def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
