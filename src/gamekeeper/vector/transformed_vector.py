@@ -95,7 +95,8 @@ class TransformedVector:
             )
         self.venv: Any = venv
         self.transform = transform
-        self.copies, self.autoreset = venv.copies, venv.autoreset  # read at every step
+        self.copies: bool = venv.copies  # these two are read at every step
+        self.autoreset: str = venv.autoreset
         transform.reuses = not venv.copies
         own = (() if venv.api == "aec" else (len(group.agents),) for group in venv.groups)
         transform.lead = [(venv.num_envs, *agents) for agents in own]
