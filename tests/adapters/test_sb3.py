@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.errors import ContractError, PolicyError, SpecError
+from gamekeeper.errors import ActionError, ContractError, PolicyError, SpecError
 from tests.adapters import streams
 from tests.adapters.streams import ByWhatIsSeen, of_slots, of_trace, same
 
@@ -374,6 +374,29 @@ def test_sound_environment_is_audited_once(capsys: pytest.CaptureFixture[str]) -
     for _ in range(2):
         sb3.vec_env("two_robot_line", 1).close()
     assert capsys.readouterr().err.count("audits") == 1
+
+
+def test_unread_masks_and_waiting_slots_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """A learner without the adapter's buffer, or without an eye on masks, hears of both."""
+    from examples.sb3_own import Lanes
+    from gamekeeper.adapters import sb3
+
+    venv = made(Lanes, 4)
+    venv.reset()
+    capsys.readouterr()
+    while venv.slots.acting.all():
+        venv.step(venv.action_masks().argmax(1))
+    venv.step(venv.action_masks().argmax(1))
+    assert capsys.readouterr().err.count("**sb3.buffer(venv)") == 1
+    sb3.buffer(venv, masked=True)
+    assert capsys.readouterr().err == ""
+    sb3.buffer(venv)
+    assert "MaskablePPO alone reads them" in capsys.readouterr().err
+    while venv.action_masks().all():
+        venv.step(venv.action_masks().argmax(1))
+    with pytest.raises(ActionError, match=r"masked out for agent 'gatherer_.'.*\n.*of the mask"):
+        venv.step(venv.action_masks().argmin(1))
+    venv.close()
 
 
 def test_example_runs(monkeypatch: Any, capsys: pytest.CaptureFixture[str]) -> None:

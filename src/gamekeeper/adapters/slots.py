@@ -74,6 +74,7 @@ class Slots:
         masks: [slot, action], actions that each may take; ones where it doesn't matter.
         seed: of the run.
         runs: how many runs were begun.
+        is_watched: a buffer leaves out steps in which slots don't act.
     Raises:
         SpecError: the learners differ in their spaces, or another agent has no policy.
     """
@@ -91,7 +92,7 @@ class Slots:
         self.venv = venv = make(
             spec, num_envs, seed=seed, infos=others is not None, copy=False, **options
         )
-        self.seed, self.runs = seed, 0
+        self.seed, self.runs, self.is_watched = seed, 0, False
         self._contract = venv.seen.contract
         try:
             learners = find_learners(venv.groups, role, self._contract)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gamekeeper.episodes.exception_text import said_by
-from gamekeeper.errors import EnvError
+from gamekeeper.errors import ActionError, EnvError
 from gamekeeper.interface.construction import foreign_traceback
 from gamekeeper.vector.sub_env_block import Autoreset, Said, SubEnvBlock
 from gamekeeper.vector.tick_block import TickBlock
@@ -73,5 +73,7 @@ class SerialEngine:
             f"copy {e} raised {said_by(error)}",
             where=f"env {e}",
             actual=f"\n{foreign_traceback(error)}",
-            fix="correct the environment where the traceback points",
+            fix=error.fix
+            if isinstance(error, ActionError)
+            else "correct the environment where the traceback points",
         )

@@ -95,6 +95,8 @@ class TransformedVector:
             )
         self.venv: Any = venv
         self.transform = transform
+        self.copies: bool = venv.copies  # these two are read at every step
+        self.autoreset: str = venv.autoreset
         transform.reuses = not venv.copies
         own = (() if venv.api == "aec" else (len(group.agents),) for group in venv.groups)
         transform.lead = [(venv.num_envs, *agents) for agents in own]
@@ -235,6 +237,8 @@ class TransformedVector:
         self._seen = obs
         if not self._shows:
             return obs
+        if there is None and self.groups[0].name == ALL:
+            return self.transform.shown(0, obs, None, self._columns)
 
         def change(g: int, part: Any) -> Any:
             group = self.groups[g]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import is_
 from types import SimpleNamespace
 from typing import Any, Final
 
@@ -362,7 +363,7 @@ class NormalizedBatch(BatchTransform):
             for _, agent, members in self._roles[g]:
                 statistics.add_returns(agent, returns[acted & members])
         scaled = rewards / self._stacked(g, "", np.dtype(float), paid=True)[0]
-        return np.clip(scaled, -statistics.clip, statistics.clip, out=scaled)
+        return _within(scaled, -statistics.clip, statistics.clip)
 
     def observations(self, g: int, seen: Any, columns: Columns, lead: tuple[int, ...]) -> Any:
         """Observations in units of their spread."""
@@ -375,7 +376,7 @@ class NormalizedBatch(BatchTransform):
     def _scaled(self, g: int, seen: Any, columns: Columns, *, reuses: bool) -> Any:
         found = {}
         parts = seen if isinstance(seen, dict) else {"": seen}
-        learnt, clip = self._statistics.of(self._groups[g].agents[0]).parts, self._statistics.clip
+        learnt, clip = self._statistics.of_role(self._roles[g][0][0]).parts, self._statistics.clip
         for key, part in parts.items():
             if key not in learnt:
                 found[key] = changed(part, np.copy)
@@ -402,9 +403,9 @@ class NormalizedBatch(BatchTransform):
         With `paid` deviations of returns alone. They are repeated for every sub-environment: NumPy
         is many times as quick over whole arrays as over short rows.
         """
-        learnt = [self._statistics.of(agent) for _, agent, _ in self._roles[g]]
+        learnt = [self._statistics.of_role(name) for name, _, _ in self._roles[g]]
         known = self._known.get((g, key, paid))
-        if known is not None and all(a is b for a, b in zip(known[0], learnt, strict=True)):
+        if known is not None and all(map(is_, known[0], learnt)):
             return known[1]
         of = np.sum([number * members for number, (*_, members) in enumerate(self._roles[g])], 0)
         if paid:
@@ -437,7 +438,12 @@ class ClippedRewardBatch(BatchTransform):
 
     def rewards(self, g: int, rewards: Any, acted: Flags | None) -> Any:
         """Rewards within the bounds."""
-        return np.clip(rewards, self._low, self._high)
+        return _within(rewards.copy(), self._low, self._high)
+
+
+def _within(rewards: Any, low: float, high: float) -> Any:
+    """Clips rewards where they are: of few numbers in half the time that `np.clip` takes."""
+    return np.minimum(np.maximum(rewards, low, out=rewards), high, out=rewards)
 
 
 class ClippedActionBatch(BatchTransform):

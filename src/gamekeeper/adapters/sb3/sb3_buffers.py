@@ -5,6 +5,7 @@ Steps in which an agent waits or has ended are left out; each reward goes to the
 
 from __future__ import annotations
 
+import sys
 from typing import Any, Final
 
 import numpy as np
@@ -43,6 +44,8 @@ def buffer(venv: Any, *, masked: bool = False) -> dict[str, Any]:
         if masked
         else (DecisionsRolloutBuffer, DecisionsDictRolloutBuffer)
     )
+    if not masked:
+        _note_masks(venv)
     is_dict = isinstance(venv.observation_space, spaces.Dict)
     return {
         "rollout_buffer_class": of_dicts if is_dict else plain,
@@ -59,11 +62,22 @@ def replay_buffer(venv: Any) -> dict[str, Any]:
     Args:
         venv: what `vec_env` or `normalized` returned.
     """
+    _note_masks(venv)
     is_dict = isinstance(venv.observation_space, spaces.Dict)
     return {
         "replay_buffer_class": DecisionsDictReplayBuffer if is_dict else DecisionsReplayBuffer,
         "replay_buffer_kwargs": {"watched": _watched(venv)},
     }
+
+
+def _note_masks(venv: Any) -> None:
+    """Says on stderr that agents have masks, to somebody whose algorithm reads none."""
+    if venv.slots.masks.size:
+        sys.stderr.write(
+            "gamekeeper: agents have action masks, and of all algorithms MaskablePPO alone reads"
+            " them (fix: MaskablePPO with **sb3.buffer(venv, masked=True); others need rules in"
+            " which a forbidden action does something)\n"
+        )
 
 
 def _watched(venv: Any) -> Watched:
@@ -80,6 +94,8 @@ class Watched:
 
     def __init__(self, slots: Slots | None, *, is_normalized: bool = False) -> None:
         self.slots, self.is_normalized = slots, is_normalized
+        if slots is not None:
+            slots.is_watched = True
 
     def __reduce__(self) -> tuple[Any, tuple[bool]]:
         return _saved, (self.is_normalized,)

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from gamekeeper.adapters.requirements import checked
 from gamekeeper.adapters.slots import Slots
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import ActionError, EnvError, SpecError
 from gamekeeper.interface.joint_policy import Choices
 
 
@@ -136,6 +136,7 @@ class SlotVecEnv(VecEnv):
         self.slots = slots
         self.render_mode = None
         self._next_seed: int | None = None
+        self._is_noted = False
         self._actions: Any = None
         self._nothing: list[dict[str, Any]] = [{} for _ in range(slots.count)]
         super().__init__(slots.count, slots.observation_space, slots.action_space)
@@ -153,7 +154,18 @@ class SlotVecEnv(VecEnv):
 
     def step_wait(self) -> Any:
         """Steps every sub-environment; returns observations, rewards, dones, infos of slots."""
-        done = self.slots.step(self._actions)
+        try:
+            done = self.slots.step(self._actions)
+        except EnvError as error:
+            self._name_masked(error)
+            raise
+        if not (self.slots.is_watched or self._is_noted or self.slots.acted.all()):
+            self._is_noted = True
+            sys.stderr.write(
+                "gamekeeper: slots of agents that wait or have ended are steps too, and a learner"
+                " without the adapter's buffer learns from them (fix: **sb3.buffer(venv), of"
+                " off-policy algorithms **sb3.replay_buffer(venv); to evaluate none is needed)\n"
+            )
         dones = done.terminated | done.truncated
         infos = self._infos()
         for slot, final in done.final.items():
@@ -167,6 +179,26 @@ class SlotVecEnv(VecEnv):
                 },
             }
         return done.obs, done.rewards.astype(np.float32), dones, infos
+
+    def _name_masked(self, error: EnvError) -> None:
+        """Raises another error if slots did what is masked out as a sub-environment raised."""
+        slots, space = self.slots, self.action_space
+        if not slots.masks.size or not isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
+            return
+        sizes = [space.n] if isinstance(space, spaces.Discrete) else space.nvec
+        places = self._actions.reshape(slots.count, -1) + np.cumsum([0, *sizes[:-1]])
+        is_masked = ~np.take_along_axis(slots.masks, places, 1).all(1) & slots.acted
+        if is_masked.any():
+            slot = int(is_masked.argmax())
+            agent = slots.learners[slot % len(slots.learners)]
+            raise ActionError(
+                f"the learner did what is masked out for agent {agent!r}: it doesn't read masks",
+                where=f"env {slot // len(slots.learners)}",
+                expected=f"an action of the mask {slots.masks[slot].tolist()}",
+                actual=f"{self._actions[slot]}; then {error.what.splitlines()[0]}",
+                fix="MaskablePPO with **sb3.buffer(venv, masked=True); or rules in which"
+                " an action that the mask forbids does something, such as to wait",
+            ) from error
 
     def _infos(self) -> list[dict[str, Any]]:
         """Returns an empty info for each slot, new ones where the last step's were written into."""

@@ -126,25 +126,25 @@ class Statistics:
         Raises:
             PolicyError: nothing was seen of this role.
         """
-        name = role(agent_name(agent))
+        return self.of_role(role(agent_name(agent)))
+
+    def of_role(self, name: str) -> Normalization:
+        """The statistics of a role as they stand; raises as `of` does."""
         current = self._current.get(name)
         if current is not None:
             return current
         if name not in self.seen:
             raise PolicyError(
-                f"there are no statistics of {agent!r}",
+                f"there are no statistics of the role {name!r}",
                 where="Statistics",
-                expected=f"those of the role {name!r}",
+                expected=f"those of {name!r}",
                 actual=", ".join(self.seen) or "none at all",
                 fix="learn them first: normalize(env, statistics, learning=True)",
             )
-        self._current[name] = current = self._of_role(name)
-        return current
-
-    def _of_role(self, name: str) -> Normalization:
         parts = {key: (m.mean, m.var, m.count) for key, m in self.seen[name].items()}
-        paid = self.paid[name]
-        return Normalization(parts, (float(paid.var), float(paid.count)), self.clip, self.epsilon)
+        paid = float(self.paid[name].var), float(self.paid[name].count)
+        self._current[name] = current = Normalization(parts, paid, self.clip, self.epsilon)
+        return current
 
     def open(self, agent: AgentId, parts: Mapping[str, tuple[int, ...]]) -> None:
         """Begins an agent's role, of these shapes, where it has no statistics yet."""
@@ -190,7 +190,7 @@ class Statistics:
 
     def to_json(self) -> str:
         """As text; floats are read back to the bit."""
-        found = {name: json.loads(self._of_role(name).to_json()) for name in sorted(self.seen)}
+        found = {name: json.loads(self.of_role(name).to_json()) for name in sorted(self.seen)}
         return json.dumps(found, sort_keys=True)
 
     @classmethod
