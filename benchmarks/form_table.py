@@ -30,7 +30,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.forms.form import Form
-from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.gather import gather, session_of
 from gamekeeper.auditing.measured import PROBES, measured
 from gamekeeper.auditing.probe import probes
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -160,10 +160,10 @@ def measurement(make: Any, *, budget: int, seed: int) -> tuple[Mapping[str, Any]
     looks: dict[str, Any] = {}
     holds_entropy = False
     for names, steps in ((sharing, int(budget * part)), (set(PROBES) - sharing, budget)):
-        lab = lab_of(open_env(make), None, spec=make, kwargs={}, seed=seed, budget=steps)
-        lab.holds_entropy = holds_entropy
-        evidence = gather(lab, names, died={}, on_probe=lambda *_: None).gathered()
-        holds_entropy = lab.holds_entropy
+        session = session_of(open_env(make), None, spec=make, kwargs={}, seed=seed, budget=steps)
+        session.holds_entropy = holds_entropy
+        evidence = gather(session, names, died={}, on_probe=lambda *_: None).gathered()
+        holds_entropy = session.holds_entropy
         looks.update(evidence.looks)
     whole = ProbeEvidence(api=evidence.api, agents=evidence.agents, looks=looks)
     roles = tuple(dict.fromkeys(role(name) for name in evidence.agents))

@@ -18,7 +18,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 
-from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.gather import gather, session_of
 from gamekeeper.auditing.probes import dictionary_order
 from gamekeeper.checks.facts.play_facts import OrderOutcome
 from gamekeeper.interface.opening import open_env
@@ -202,10 +202,10 @@ KINDS = (Item, Charger, Cell, Door, Coin, Auction, Bandwidth, Corner)
 def looked(kind: type[Field], *, sound: bool, budget: int, seed: int) -> tuple[bool, int]:
     """Whether the probe saw the order matter, and the steps that it took until then."""
     opened = open_env(partial(kind, sound=sound))
-    lab = lab_of(opened, None, spec=kind, kwargs={}, seed=seed, budget=budget)
-    gathering = gather(lab, {"order"}, died={}, on_probe=lambda *at: None)
+    session = session_of(opened, None, spec=kind, kwargs={}, seed=seed, budget=budget)
+    gathering = gather(session, {"order"}, died={}, on_probe=lambda *at: None)
     results = [fact.value.result for fact in gathering.gathered().facts(OrderOutcome)]
-    return bool({"outcome", "draws", "undecided"} & set(results)), lab.meter.steps
+    return bool({"outcome", "draws", "undecided"} & set(results)), session.meter.steps
 
 
 def main() -> None:

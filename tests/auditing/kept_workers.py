@@ -30,4 +30,4 @@ def playing(hash_seed: int | None) -> KeptWorker:
 def keep_workers(patch: pytest.MonkeyPatch) -> None:
     """Audits in this process share workers."""
     patch.setattr(confirm, "WarmWorker", lambda modules, hash_seed: confirming(hash_seed))
-    patch.setattr(elsewhere, "worker_of", lambda lab, hash_seed: playing(hash_seed))
+    patch.setattr(elsewhere, "worker_of", lambda session, hash_seed: playing(hash_seed))

@@ -53,9 +53,9 @@ def test_processes_that_agree_by_chance_withdraw_nothing(monkeypatch: pytest.Mon
     """Two other processes give one play by luck, the third another: the seed settles nothing."""
     lucky: dict[int, list[Episode]] = {}
 
-    def by_luck(lab: ProbeSession, base: EpisodeResult, hash_seed: int) -> Episode:
+    def by_luck(session: ProbeSession, base: EpisodeResult, hash_seed: int) -> Episode:
         there = lucky.setdefault(hash_seed, [])
-        there.append(there[0] if len(there) == 1 else lab.play(base.play, lab.env()).trace)
+        there.append(there[0] if len(there) == 1 else session.play(base.play, session.env()).trace)
         return there[-1]
 
     monkeypatch.setattr(isolation, "played_elsewhere", by_luck)

@@ -10,7 +10,7 @@ import pytest
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
-from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.gather import gather, session_of
 from gamekeeper.auditing.judge import WANTED, judge
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks import check as checks_room
@@ -178,10 +178,10 @@ def test_check_needs_a_promise() -> None:
 def test_gather_goes_on_without_a_probe_in_which_the_process_died() -> None:
     """The death is a fact, and what the probe should have seen is unseen."""
     opened = open_env(Rovers)
-    lab = lab_of(opened, None, spec=Rovers, kwargs={}, seed=0, budget=100)
+    session = session_of(opened, None, spec=Rovers, kwargs={}, seed=0, budget=100)
 
     gathered = gather(
-        lab, ["rollout"], died={"rollout": "died: killed by SIGSEGV"}, on_probe=lambda *_: None
+        session, ["rollout"], died={"rollout": "died: killed by SIGSEGV"}, on_probe=lambda *_: None
     ).gathered()
 
     assert [fact.value.text for fact in gathered.facts(ProbeDeath)] == ["died: killed by SIGSEGV"]

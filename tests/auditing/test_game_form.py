@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
-from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.gather import gather, session_of
 from gamekeeper.auditing.measure import comings, form, roles, trials
 from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
 from gamekeeper.auditing.measured import _conflicts, measured
@@ -30,8 +30,8 @@ from tests.auditing.form_games import Beds, Duel, Ladle, Latch, Mail, Seats
 
 def form_of(spec: Any, budget: int = 2_000) -> dict[str, Any]:
     """The measurement from the probe of the form alone; half of the budget are its steps."""
-    lab = lab_of(open_env(spec), None, spec=spec, kwargs={}, seed=0, budget=budget)
-    found = gather(lab, {"form"}, died={}, on_probe=lambda *_: None)
+    session = session_of(open_env(spec), None, spec=spec, kwargs={}, seed=0, budget=budget)
+    found = gather(session, {"form"}, died={}, on_probe=lambda *_: None)
     assert found.broken == {}
     return measured(Contract(), found.gathered())
 

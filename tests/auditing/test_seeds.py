@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
-from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.gather import gather, session_of
 from gamekeeper.auditing.measured import measured
 from gamekeeper.auditing.probe import probes
 from gamekeeper.auditing.probes import isolation
@@ -335,24 +335,26 @@ def test_state_that_shows_after_many_resets_is_found() -> None:
 
 def test_state_that_a_rare_episode_leaves_is_found() -> None:
     """An episode that another probe saw differ in a used instance is the first to be tried."""
-    lab = lab_of(open_env(OpensForGood), None, spec=OpensForGood, kwargs={}, seed=0, budget=60)
-    gather(lab, {"form"}, died={}, on_probe=lambda *_: None)
-    (plan,) = lab.unlike
+    session = session_of(
+        open_env(OpensForGood), None, spec=OpensForGood, kwargs={}, seed=0, budget=60
+    )
+    gather(session, {"form"}, died={}, on_probe=lambda *_: None)
+    (plan,) = session.unlike
     assert plan.seed == 1
-    assert next(iter(probes({"second_episode"})["second_episode"].plays(lab))) is plan
+    assert next(iter(probes({"second_episode"})["second_episode"].plays(session))) is plan
 
 
 def test_sets_are_turned_in_six_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two are played under all hash seeds that are needed, four more under one of them each."""
     asked: dict[int, list[int]] = {}
 
-    def there(lab: Any, base: Any, hash_seed: int) -> Any:
+    def there(session: Any, base: Any, hash_seed: int) -> Any:
         asked.setdefault(base.play.stream, []).append(hash_seed)
         return base.trace
 
     monkeypatch.setattr(isolation, "played_elsewhere", there)
     monkeypatch.setattr(isolation, "hash_seeds", lambda names: (4, 7))
-    lab = lab_of(open_env(Rovers), None, spec="rovers", kwargs={}, seed=0, budget=2_000)
-    found = gather(lab, {"other_process"}, died={}, on_probe=lambda *_: None).gathered()
+    session = session_of(open_env(Rovers), None, spec="rovers", kwargs={}, seed=0, budget=2_000)
+    found = gather(session, {"other_process"}, died={}, on_probe=lambda *_: None).gathered()
     assert list(asked.values()) == [[4, 7], [4, 7], [4], [7], [4], [7]]
     assert measured(Contract(), found)["deterministic"] is True

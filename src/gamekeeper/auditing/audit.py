@@ -12,7 +12,7 @@ from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.auditing.confirm import confirmed, confirming_workers
-from gamekeeper.auditing.gather import INTERRUPTED, TIME_UP, Gathering, gather, lab_of
+from gamekeeper.auditing.gather import INTERRUPTED, TIME_UP, Gathering, gather, session_of
 from gamekeeper.auditing.judge import Judged, judge
 from gamekeeper.auditing.measured import PROBES, measured
 from gamekeeper.auditing.reproduce import Reproduction, draft_of
@@ -84,19 +84,19 @@ def audit_here(
     workers: dict[int, WarmWorker] = {}
     try:
         declared = declared_contract(contract, opened)
-        lab = lab_of(
+        session = session_of(
             opened, declared, spec=spec, kwargs=kwargs, seed=seed, budget=budget, beat=attempt.beat
         )
-        lab.workers = workers
+        session.workers = workers
         gathering = gather(
-            lab,
+            session,
             needed(wanted, is_all=not select),
             died=attempt.died,
             on_probe=attempt.on_probe or _nothing,
             until_s=None if seconds is None else begun_s + seconds * PROBING,
             keeps_partial=attempt.keeps_partial,
         )
-        bench = Reproduction(
+        reproduction = Reproduction(
             gathering,
             declared or Contract(),
             home(opened.spec, opened.identity, kwargs),
@@ -108,14 +108,19 @@ def audit_here(
         until_s = 0.0 if gathering.stopped == INTERRUPTED else until_s
         asked: dict[str, Any] = {"begun_s": begun_s, "seed": seed, "is_all": not select}
         judged = partial(
-            _judged, wanted, opened, bench, modules=installed_modules(opened.env, loaded), **asked
+            _judged,
+            wanted,
+            opened,
+            reproduction,
+            modules=installed_modules(opened.env, loaded),
+            **asked,
         )
         try:
             return judged(until_s=until_s)
         except KeyboardInterrupt:
             if not attempt.keeps_partial:
                 raise
-        gathering.stopped, bench.steps_left = INTERRUPTED, 0
+        gathering.stopped, reproduction.steps_left = INTERRUPTED, 0
         return judged(until_s=0.0)
     finally:
         _close(opened, workers.values())
@@ -147,7 +152,7 @@ def needed(wanted: Mapping[str, Check], *, is_all: bool) -> set[str]:
 def _judged(
     wanted: Mapping[str, Check],
     opened: Opened,
-    bench: Reproduction,
+    reproduction: Reproduction,
     *,
     begun_s: float,
     seed: int,
@@ -155,16 +160,18 @@ def _judged(
     until_s: float | None,
     modules: Sequence[str],
 ) -> AuditResult:
-    gathering: Gathering = bench.gathering
+    gathering: Gathering = reproduction.gathering
     evidence = gathering.gathered()
     judging_s = time.perf_counter()
-    judged = [_in_time(each, bench, evidence, until_s) for each in wanted.values()]
-    form = measured(bench.contract, evidence) if is_all else {}
+    judged = [_in_time(each, reproduction, evidence, until_s) for each in wanted.values()]
+    form = measured(reproduction.contract, evidence) if is_all else {}
     shrinking_s = time.perf_counter()
-    beat = gathering.lab.meter.beat or _nothing
+    beat = gathering.session.meter.beat or _nothing
     is_failed = any(each.outcome == "failed" for each in judged)
-    with confirming_workers(modules, is_wanted=is_failed and bool(bench.home.make)) as workers:
-        drafts = [draft_of(each, bench) for each in judged]
+    with confirming_workers(
+        modules, is_wanted=is_failed and bool(reproduction.home.make)
+    ) as workers:
+        drafts = [draft_of(each, reproduction) for each in judged]
         confirming_s = time.perf_counter()
         verdicts = confirmed(drafts, beat=beat, until_s=until_s, workers=workers)
     timings = {
@@ -177,27 +184,27 @@ def _judged(
         environment=opened.spec,
         api=opened.api,
         seconds=time.monotonic() - begun_s,
-        steps=gathering.lab.meter.steps,
+        steps=gathering.session.meter.steps,
         seed=seed,
         verdicts=verdicts,
         measured=form,
         timings=timings,
-        agents={name: spaces_text(spec) for name, spec in gathering.lab.agents.items()},
-        declared=bench.contract.to_json() or None,
+        agents={name: spaces_text(spec) for name, spec in gathering.session.agents.items()},
+        declared=reproduction.contract.to_json() or None,
         source=source_of(opened.env),
         stopped=gathering.stopped,
     )
 
 
 def _in_time(
-    check: Check, bench: Reproduction, evidence: ProbeEvidence, until_s: float | None
+    check: Check, reproduction: Reproduction, evidence: ProbeEvidence, until_s: float | None
 ) -> Judged:
     """The check's outcome; once the time is over, that of a check that wasn't run."""
-    is_interrupted = bench.gathering.stopped == INTERRUPTED
+    is_interrupted = reproduction.gathering.stopped == INTERRUPTED
     if until_s is not None and not is_interrupted and time.monotonic() > until_s:
-        bench.gathering.stopped = TIME_UP
+        reproduction.gathering.stopped = TIME_UP
         return Judged(check, "not_exercised", reason=TIME_UP)
-    return judge(check, bench.contract, evidence, bench.gathering.broken)
+    return judge(check, reproduction.contract, evidence, reproduction.gathering.broken)
 
 
 def _nothing(*args: Any) -> None:

@@ -54,7 +54,7 @@ class Board:
     """An environment in mid-episode, with what its agents are given.
 
     Attributes:
-        lab: counts its steps.
+        session: counts its steps.
         env: stepped in place.
         given: by agent that decides now.
         ended: flags that were raised.
@@ -62,7 +62,7 @@ class Board:
         globals: states of the generators of the process, where the board waits to be taken up.
     """
 
-    lab: ProbeSession
+    session: ProbeSession
     env: Any
     given: dict[Any, DecisionInput] = field(default_factory=dict)
     ended: dict[Any, str] = field(default_factory=dict)
@@ -72,10 +72,10 @@ class Board:
     def reset(self, seed: int | None) -> None:
         """Starts the episode, with the generators of the process at a place of that seed's."""
         seed_all(HELD + (seed or 0))
-        self.lab.meter.count()
+        self.session.meter.count()
         out = self.env.reset(seed=seed)
         self.ended = {}
-        if self.lab.api == "parallel":
+        if self.session.api == "parallel":
             self._hand_out(out[0], out[1])
         else:
             self._ask()
@@ -95,7 +95,7 @@ class Board:
     def _copied(self) -> Board:
         """The same place in an environment of its own; spaces are shared, as copies cost most."""
         env = copy.deepcopy(self.env, {id(each): each for each in self.shared})
-        return Board(self.lab, env, dict(self.given), dict(self.ended), self.shared)
+        return Board(self.session, env, dict(self.given), dict(self.ended), self.shared)
 
     @property
     def is_over(self) -> bool:
@@ -106,8 +106,8 @@ class Board:
         """Takes a step with these actions; that of an ended agent in turn with None."""
         given = dict(self.given)
         acts = {agent: copy.deepcopy(actions[agent]) for agent in given}
-        self.lab.meter.count()
-        if self.lab.api == "parallel":
+        self.session.meter.count()
+        if self.session.api == "parallel":
             out = self.env.step(acts)
             rewards = {agent: float(paid) for agent, paid in out[1].items()}
             self._note_flags(out[2], out[3])

@@ -16,11 +16,11 @@ EVIDENCE_BYTES: Final = 2 << 30
 """Bytes that the episodes of all probes may hold; reading them takes as much once more."""
 
 
-def most_turns(lab: ProbeSession, size_bytes: int) -> int:
+def most_turns(session: ProbeSession, size_bytes: int) -> int:
     """The turns whose observations and states take so many bytes; a play's least at least."""
-    sizes = [space_bytes(spec.observation_space) for spec in lab.agents.values()]
-    each = max(sizes, default=0) if lab.api == "aec" else sum(sizes)
-    each += space_bytes(getattr(lab.opened.env, "state_space", None))
+    sizes = [space_bytes(spec.observation_space) for spec in session.agents.values()]
+    each = max(sizes, default=0) if session.api == "aec" else sum(sizes)
+    each += space_bytes(getattr(session.opened.env, "state_space", None))
     return max(size_bytes // max(each, 1), LEAST_TURNS)
 
 

@@ -40,12 +40,12 @@ ORDERS: Final = "import json, sys; print(json.dumps([[*{*p}] for p in json.loads
 HEADER: Final = ("end", "error", "turns", "endings")
 
 
-def reason_against(lab: ProbeSession) -> str | None:
+def reason_against(session: ProbeSession) -> str | None:
     """Reason why another process can't build the same environment; None where it can."""
-    if not isinstance(lab.spec, str):
+    if not isinstance(session.spec, str):
         return "another process can only open an environment that is named by text"
     try:
-        json.dumps(dict(lab.kwargs))
+        json.dumps(dict(session.kwargs))
     except (TypeError, ValueError):
         return "the factory's arguments can't be handed to another process as JSON"
     return None
@@ -79,28 +79,28 @@ def _orders(pairs: list[tuple[str, str]], hash_seed: int) -> list[list[str]]:
     return orders
 
 
-def worker_of(lab: ProbeSession, hash_seed: int) -> WarmWorker:
-    """The lab's worker of that hash seed, started where it is new; it forks for each play."""
-    if hash_seed not in lab.workers:
-        lab.workers[hash_seed] = WarmWorker([__name__], hash_seed=hash_seed)
-    return lab.workers[hash_seed]
+def worker_of(session: ProbeSession, hash_seed: int) -> WarmWorker:
+    """The session's worker of that hash seed, started where it is new; it forks for each play."""
+    if hash_seed not in session.workers:
+        session.workers[hash_seed] = WarmWorker([__name__], hash_seed=hash_seed)
+    return session.workers[hash_seed]
 
 
 def played_elsewhere(
-    lab: ProbeSession, base: EpisodeResult, hash_seed: int, *, instance: int = 1
+    session: ProbeSession, base: EpisodeResult, hash_seed: int, *, instance: int = 1
 ) -> Episode | None:
     """The same play in a new process, by its nth instance; None where it came to nothing."""
-    lab.meter.count(len(base.play.actions or ()))
+    session.meter.count(len(base.play.actions or ()))
     with TemporaryDirectory() as folder:
         arguments: dict[str, Any] = {
-            "spec": lab.spec,
-            "kwargs": dict(lab.kwargs),
-            "contract": lab.contract.to_json(),
+            "spec": session.spec,
+            "kwargs": dict(session.kwargs),
+            "contract": session.contract.to_json(),
             "play": _on_paper(base.play),
             "folder": folder,
             "instances": instance,
         }
-        outcome = worker_of(lab, hash_seed).run(TASK, arguments, silence_s=SILENCE_S)
+        outcome = worker_of(session, hash_seed).run(TASK, arguments, silence_s=SILENCE_S)
         if not isinstance(outcome.value, dict):
             return None
         return replace(

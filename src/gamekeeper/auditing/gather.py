@@ -50,7 +50,7 @@ class Gathering:
     """Evidence of all probes, with what it takes to rerun them.
 
     Attributes:
-        lab: the bench; a probe's own is made from it.
+        session: of the audit; a probe's own is made from it.
         plays: by probe and number, what was played.
         not_exercised: probes that couldn't look, and why.
         broken: probes that failed through a fault of their own, with the traceback.
@@ -60,7 +60,7 @@ class Gathering:
         is_shared: plays differ by that alone, so that it is held still for other probes.
     """
 
-    lab: ProbeSession
+    session: ProbeSession
     probes: Mapping[str, Probe]
     looks: dict[str, list[ProbeRun]] = field(default_factory=dict)
     plays: dict[tuple[str, int], EpisodePlan] = field(default_factory=dict)
@@ -73,25 +73,25 @@ class Gathering:
     is_shared: bool = False
 
     def for_probe(self, name: str, ration: int) -> ProbeSession:
-        """The lab of a probe, with what is held still for it."""
-        lab = self.lab.for_probe(name, ration)
+        """The session of a probe, with what is held still for it."""
+        session = self.session.for_probe(name, ration)
         if self.is_shared and name not in OF_SHARING:
-            lab.class_state = self.class_state
-        return lab
+            session.class_state = self.class_state
+        return session
 
     def gathered(self) -> ProbeEvidence:
         """For the checks to read."""
-        meter = self.lab.meter
+        meter = self.session.meter
         return ProbeEvidence(
-            api=self.lab.api,
-            agents=self.lab.agents,
+            api=self.session.api,
+            agents=self.session.agents,
             looks={probe: tuple(looks) for probe, looks in self.looks.items()},
             not_exercised=self.not_exercised,
             blind=BLIND if meter.has_played and not meter.has_seen else "",
         )
 
 
-def lab_of(
+def session_of(
     opened: Opened,
     contract: Contract | None,
     *,
@@ -101,7 +101,7 @@ def lab_of(
     budget: int,
     beat: Callable[[], None] | None = None,
 ) -> ProbeSession:
-    """The bench for an environment that is open and wasn't reset yet."""
+    """The session for an environment that is open and wasn't reset yet."""
     declared = contract or Contract()
     agents = {each.name: each for each in agent_specs(opened.env, declared)}
     return ProbeSession(
@@ -119,7 +119,7 @@ def lab_of(
 
 
 def gather(
-    lab: ProbeSession,
+    session: ProbeSession,
     names: Collection[str],
     *,
     died: Mapping[str, str],
@@ -130,7 +130,7 @@ def gather(
     """Lets the probes of these names look, one after the other, each within its ration.
 
     Args:
-        lab: its ration is that of all together.
+        session: its ration is that of all together.
         died: probes in which the process of an earlier try died or hung, and what was said of it;
             they don't look again.
         on_probe: called with a probe's name, its place and their number, before it looks.
@@ -140,12 +140,12 @@ def gather(
         keeps_partial: Ctrl-C ends the gathering, and isn't raised.
     """
     found = probes(names)
-    gathering = Gathering(lab, found, class_state=ClassState(lab.opened.env))
+    gathering = Gathering(session, found, class_state=ClassState(session.opened.env))
     total = sum(probe.share for probe in found.values()) or 1.0
     parts = {name: probe.share / total + probe.on_top for name, probe in found.items()}
     left = sum(parts.values())
     if until_s is not None:
-        lab.ration = min(lab.ration, _steps_until(lab, until_s))
+        session.ration = min(session.ration, _steps_until(session, until_s))
     order = sorted(found, key=lambda name: (name != FIRST, name == LAST))
     for names in (order, gathering.cut):  # those that are cut look once more in what is left
         if names is not order:
@@ -159,7 +159,7 @@ def gather(
             on_probe(name, order.index(name), len(found))
             if until_s is not None:
                 now_s = time.monotonic()
-                lab.meter.until_s = now_s + max(until_s - now_s, 0.0) * parts[name] / left
+                session.meter.until_s = now_s + max(until_s - now_s, 0.0) * parts[name] / left
             try:
                 _turn_of(gathering, name, parts[name], died)
             except KeyboardInterrupt:
@@ -167,7 +167,7 @@ def gather(
                     raise
                 gathering.stopped = INTERRUPTED
                 gathering.not_exercised[name] = gathering.stopped
-            lab.meter.until_s = None
+            session.meter.until_s = None
             left -= parts[name]
     if gathering.cut and not gathering.stopped:
         gathering.stopped = TIME_UP
@@ -176,13 +176,13 @@ def gather(
 
 def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, str]) -> None:
     """Lets a probe look, if it can; what its time cuts off stands in `cut`."""
-    lab, probe = gathering.lab, gathering.probes[name]
+    session, probe = gathering.session, gathering.probes[name]
     if name in died:
-        where = lab.for_probe(name, 0).at()
+        where = session.for_probe(name, 0).at()
         gathering.looks[name] = [ProbeRun(facts=(Fact(where, ProbeDeath(died[name])),))]
         gathering.not_exercised[name] = f"the environment's process {died[name]}"
         return
-    reason = probe.reason_against(lab)
+    reason = probe.reason_against(session)
     if reason is not None:
         gathering.not_exercised[name] = reason
         return
@@ -191,9 +191,9 @@ def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, st
         gathering.cut.remove(name)
     gathering.looks.setdefault(name, [])
     try:
-        lab.meter.count(0)  # what it saw before stays where no time is left
+        session.meter.count(0)  # what it saw before stays where no time is left
         gathering.looks[name] = []
-        _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
+        _probe(gathering, name, probe, int(session.ration * part), int(EVIDENCE_BYTES * part))
         gathering.not_exercised.pop(name, None)
     except TimeUpError:
         gathering.not_exercised[name] = TIME_UP
@@ -203,8 +203,8 @@ def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, st
     if name == ROLLOUT:
         _check_measured(gathering)
     if name == FIRST:
-        lab.holds_entropy = differs_by_itself(gathering.gathered())
-        gathering.is_shared = lab.holds_entropy and _is_shared(gathering)
+        session.holds_entropy = differs_by_itself(gathering.gathered())
+        gathering.is_shared = session.holds_entropy and _is_shared(gathering)
 
 
 def _is_shared(gathering: Gathering) -> bool:
@@ -212,20 +212,20 @@ def _is_shared(gathering: Gathering) -> bool:
     play = gathering.plays.get((FIRST, 0))
     if play is None or gathering.class_state is None:
         return False
-    lab = replace(gathering.lab, class_state=gathering.class_state)
+    session = replace(gathering.session, class_state=gathering.class_state)
     with held():
-        one, two = (lab.play(play, state=False) for _ in range(2))
-    lab.close()
-    return lab.divergence(one.trace, two.trace) is None
+        one, two = (session.play(play, state=False) for _ in range(2))
+    session.close()
+    return session.divergence(one.trace, two.trace) is None
 
 
-def _steps_until(lab: ProbeSession, until_s: float) -> int:
+def _steps_until(session: ProbeSession, until_s: float) -> int:
     """Steps that fit into the time left, as fast as the first ones are."""
-    begun_s, begun = time.monotonic(), lab.meter.steps
-    lab.play(EpisodePlan(seed=lab.seed, most_turns=LEAST_TURNS), state=False)
-    lab.base = None
-    lab.close()
-    step_s = (time.monotonic() - begun_s) / max(lab.meter.steps - begun, 1)
+    begun_s, begun = time.monotonic(), session.meter.steps
+    session.play(EpisodePlan(seed=session.seed, most_turns=LEAST_TURNS), state=False)
+    session.base = None
+    session.close()
+    step_s = (time.monotonic() - begun_s) / max(session.meter.steps - begun, 1)
     return max(int((until_s - time.monotonic()) / step_s), 1)
 
 
@@ -235,25 +235,25 @@ def _check_measured(gathering: Gathering) -> None:
     Raises:
         ContractError: a condition asks for what nothing measures.
     """
-    contract = gathering.lab.contract
+    contract = gathering.session.contract
     traces = [trace for look in gathering.looks[ROLLOUT] for trace in look.traces]
     ended = next((trace for trace in traces if trace.header.get("end") == "ended"), None)
     if ended is not None and contract.failure:
         check_measured(outcome_of(ended), contract.failure, contract)
 
 
-def look_once(lab: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
+def look_once(session: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
     """Result of one rerun of a probe; its instances are closed.
 
     The global generators start from one seed, so that equal audits see the same.
     """
-    lab.base = None
-    is_held = lab.holds_entropy and probe.name not in OF_ENTROPY
+    session.base = None
+    is_held = session.holds_entropy and probe.name not in OF_ENTROPY
     with held(), still_entropy() if is_held else nullcontext():
         try:
-            saw = list(probe.look(lab, play))
+            saw = list(probe.look(session, play))
         finally:
-            lab.close()
+            session.close()
     return ProbeRun(
         traces=tuple(each for each in saw if not isinstance(each, Fact | ProbeCounterfactual)),
         counterfactuals=tuple(
@@ -264,19 +264,19 @@ def look_once(lab: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
 
 
 def _probe(gathering: Gathering, name: str, probe: Probe, ration: int, size_bytes: int) -> None:
-    lab = gathering.for_probe(name, ration)
-    longest, held = most_turns(lab, size_bytes), 0
+    session = gathering.for_probe(name, ration)
+    longest, held = most_turns(session, size_bytes), 0
     looks = gathering.looks[name]
-    begun = lab.meter.steps
+    begun = session.meter.steps
     try:
-        for number, play in enumerate(probe.plays(lab)):
-            if number and (lab.meter.steps - begun >= ration or held >= size_bytes):
+        for number, play in enumerate(probe.plays(session)):
+            if number and (session.meter.steps - begun >= ration or held >= size_bytes):
                 break
-            lab.number = number
+            session.number = number
             play = replace(play, most_turns=min(play.most_turns, longest))
-            looks.append(look_once(lab, probe, play))
+            looks.append(look_once(session, probe, play))
             held += held_bytes(looks[-1])
-            gathering.plays[name, number] = lab.base or play
+            gathering.plays[name, number] = session.base or play
     except (KeyboardInterrupt, TimeUpError):
         raise
     except BaseException as error:  # a fault of the probe's, told as one; the other probes go on

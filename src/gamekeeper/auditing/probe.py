@@ -49,20 +49,20 @@ class Probe:
     tries: int | None
     on_top: float = 0.0
 
-    def reason_against(self, lab: ProbeSession) -> str | None:
+    def reason_against(self, session: ProbeSession) -> str | None:
         """Says why it can't look at this environment; None where it can."""
-        if self.api is not None and self.api != lab.api:
+        if self.api is not None and self.api != session.api:
             return f"only for {'AEC' if self.api == 'aec' else 'Parallel'} environments"
-        if self.fresh and not lab.can_make:
+        if self.fresh and not session.can_make:
             return "a second instance is needed, and only an object was handed over"
-        return None if self.against is None else self.against(lab)
+        return None if self.against is None else self.against(session)
 
 
 def probe(
     name: str,
     *,
     share: float,
-    plays: Callable[[ProbeSession], Iterator[EpisodePlan]] = lambda lab: lab.plays(3),
+    plays: Callable[[ProbeSession], Iterator[EpisodePlan]] = lambda session: session.plays(3),
     api: str | None = None,
     fresh: bool = False,
     against: Callable[[ProbeSession], str | None] | None = None,

@@ -96,7 +96,7 @@ class Called:
 
 @dataclass(slots=True)
 class ProbeSession:
-    """One probe's bench.
+    """One probe's session.
 
     Attributes:
         api: `aec` or `parallel`.
@@ -315,7 +315,7 @@ class ProbeSession:
             self.base = replace(play, actions=tuple(actions), most_turns=max(len(actions), 1))
 
     def for_probe(self, probe: str, ration: int) -> ProbeSession:
-        """The same lab for another probe."""
+        """The same session for another probe."""
         return replace(self, probe=probe, ration=ration, number=0, base=None, _made=[])
 
 

@@ -52,32 +52,32 @@ class Reproduction:
         return is_late or self.steps_left <= 0
 
 
-def draft_of(judged: Judged, bench: Reproduction) -> tuple[Verdict, tuple[Programs, ...]]:
+def draft_of(judged: Judged, reproduction: Reproduction) -> tuple[Verdict, tuple[Programs, ...]]:
     """The verdict, and the programs of its findings; these are empty where none can run.
 
     Each failed case that is shown is shrunk.
     """
     check = judged.check
-    programs = tuple(_programs(check, case, bench) for case in judged.shown)
+    programs = tuple(_programs(check, case, reproduction) for case in judged.shown)
     verdict = verdict_of(judged, tuple(each.finding for each in programs))
-    return verdict, programs if bench.home.make else ()
+    return verdict, programs if reproduction.home.make else ()
 
 
-def _programs(check: Check, case: Case, bench: Reproduction) -> Programs:
-    begun = bench.gathering.plays.get((case.where.probe, case.where.play), EpisodePlan())
-    play, case = _shortest(check, case, begun, bench)
+def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
+    begun = reproduction.gathering.plays.get((case.where.probe, case.where.play), EpisodePlan())
+    play, case = _shortest(check, case, begun, reproduction)
     proof = Reproducer(case.proof) if isinstance(case.proof, str) else case.proof
     expected, actual = words(case.expected), words(case.actual)
-    lab = bench.gathering.lab
+    session = reproduction.gathering.session
     name, holds = case.where.probe, []
     if proof is not None and proof.compares:
-        holds += [ENTROPY] * (lab.holds_entropy and name not in OF_ENTROPY)
-        holds += [CLASSES] * (bench.gathering.is_shared and name not in OF_SHARING)
+        holds += [ENTROPY] * (session.holds_entropy and name not in OF_ENTROPY)
+        holds += [CLASSES] * (reproduction.gathering.is_shared and name not in OF_SHARING)
     title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
-    shows += f"\nenvironment: {bench.rules}" if bench.rules else ""
+    shows += f"\nenvironment: {reproduction.rules}" if reproduction.rules else ""
 
     def program(of: EpisodePlan, proof: Reproducer | None) -> str:
-        text = snippet(bench.home, lab.api, of, proof, title=title, shows=shows)
+        text = snippet(reproduction.home, session.api, of, proof, title=title, shows=shows)
         return reduce(held_still, holds, text)
 
     finding = Finding(str(case.where), expected, actual, check.fix, program(play, proof))
@@ -101,15 +101,15 @@ def unchanged_of(proof: Reproducer) -> Reproducer | None:
 
 
 def _shortest(
-    check: Check, case: Case, play: EpisodePlan, bench: Reproduction
+    check: Check, case: Case, play: EpisodePlan, reproduction: Reproduction
 ) -> tuple[EpisodePlan, Case]:
     """The shortest play found that breaks the check in the same field, and where it does."""
     name = case.where.probe
-    probe = bench.gathering.probes.get(name)
+    probe = reproduction.gathering.probes.get(name)
     if probe is None or play.actions is None:
         return play, case
-    lab = bench.gathering.for_probe(name, bench.steps_left)
-    lab.number = case.where.play
+    session = reproduction.gathering.for_probe(name, reproduction.steps_left)
+    session.number = case.where.play
     most_tries = MOST_TRIES if probe.tries is None else probe.tries
     tries = 0
     best = play, case
@@ -117,31 +117,31 @@ def _shortest(
     def still(shorter: EpisodePlan) -> bool:
         nonlocal tries, best
         tries += 1
-        if tries > most_tries or bench.is_spent:
+        if tries > most_tries or reproduction.is_spent:
             return False
-        begun, lab.meter.until_s = lab.meter.steps, bench.until_s
+        begun, session.meter.until_s = session.meter.steps, reproduction.until_s
         try:
-            look = look_once(lab, probe, shorter)
+            look = look_once(session, probe, shorter)
         except TimeUpError:
             return False
         finally:
-            lab.meter.until_s = None
-            bench.steps_left -= lab.meter.steps - begun
-        bad = _broken_alike(check, case, bench.contract, _gathered(bench, name, look))
+            session.meter.until_s = None
+            reproduction.steps_left -= session.meter.steps - begun
+        bad = _broken_alike(check, case, reproduction.contract, _gathered(reproduction, name, look))
         if bad is not None:
-            best = lab.base or shorter, bad
+            best = session.base or shorter, bad
         return bad is not None
 
     turns = case.where.env_steps
-    shrink(play, still, turns=turns, plain=_plain(bench))
+    shrink(play, still, turns=turns, plain=_plain(reproduction))
     if best[0] is play and turns is not None:  # nothing was tried, or nothing shorter shows it
         cut = replace(play, actions=play.actions[:turns], most_turns=max(turns, 1))
-        return (cut if bench.is_spent else play), case
+        return (cut if reproduction.is_spent else play), case
     return best
 
 
-def _gathered(bench: Reproduction, probe: str, look: Any) -> ProbeEvidence:
-    return replace(bench.gathering.gathered(), looks={probe: (look,)})
+def _gathered(reproduction: Reproduction, probe: str, look: Any) -> ProbeEvidence:
+    return replace(reproduction.gathering.gathered(), looks={probe: (look,)})
 
 
 def _broken_alike(
@@ -162,10 +162,10 @@ def _broken_alike(
     return min(alike, key=lambda each: each.where.turn or 0, default=None)
 
 
-def _plain(bench: Reproduction) -> Mapping[Any, Any]:
+def _plain(reproduction: Reproduction) -> Mapping[Any, Any]:
     """A simple action for each agent: the declared noop, else 0 where there is one."""
     found: dict[Any, Any] = {}
-    for agent, spec in bench.gathering.lab.agents.items():
+    for agent, spec in reproduction.gathering.session.agents.items():
         space, noop = spec.action_space, spec.noop_action()
         if noop is not None:
             found[agent] = noop

@@ -25,8 +25,8 @@ NEAR: Final = 1e-3
 """Tolerance, as a part of the mark: accounts may be of float16."""
 
 
-@probe("books", share=1.5, plays=lambda lab: lab.plays(PLAYS, runs=RUNS), api="aec")
-def books(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("books", share=1.5, plays=lambda session: session.plays(PLAYS, runs=RUNS), api="aec")
+def books(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Books of an AEC environment: `last()` itself, what stands in `rewards`, resets.
 
     The trace; then the same play with marked rewards, and once more, cut by a reset.
@@ -34,27 +34,27 @@ def books(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `LastRewards`, `MarkedReward`, `OwedAfterReset`.
     """
-    env = lab.env()
+    env = session.env()
     told: dict[int, Any] = {}
     paid: list[dict[Any, float]] = []
 
     def watch(turn: int, env: Any, out: Any) -> None:
-        reward = _last(lab, env)
+        reward = _last(session, env)
         if reward is not None:
             told[turn] = reward
-        paid.append(_book(lab, env, "rewards"))
+        paid.append(_book(session, env, "rewards"))
 
-    played = lab.play(play, env, watch=watch, state=False)
+    played = session.play(play, env, watch=watch, state=False)
     yield played.trace
-    yield lab.fact(LastRewards(told), field="cumulative_reward")
+    yield session.fact(LastRewards(told), field="cumulative_reward")
     if not any(paid):
         return
-    yield from _marks(lab, env, played, paid)
-    yield from _owed(lab, env, played, paid)
+    yield from _marks(session, env, played, paid)
+    yield from _owed(session, env, played, paid)
 
 
 def _marks(
-    lab: ProbeSession, env: Any, played: EpisodeResult, paid: list[dict[Any, float]]
+    session: ProbeSession, env: Any, played: EpisodeResult, paid: list[dict[Any, float]]
 ) -> Iterator[Saw]:
     """Tells whether values in `rewards` before a step are gone after it.
 
@@ -71,29 +71,29 @@ def _marks(
 
     def watch(turn: int, env: Any, out: Any) -> None:
         if turn - 1 in marked:
-            after[turn - 1] = _book(lab, env, "rewards")
+            after[turn - 1] = _book(session, env, "rewards")
         if turn in places:
             for agent, reward in paid[turn].items():
                 mark = reward + MARK * (1.0 + abs(reward))
-                lab.call("rewards", _put, env, agent, mark)
-            now = _book(lab, env, "rewards")
+                session.call("rewards", _put, env, agent, mark)
+            now = _book(session, env, "rewards")
             raised = {agent: now.get(agent, 0.0) - reward for agent, reward in paid[turn].items()}
             marked[turn] = {agent: mark for agent, mark in raised.items() if mark > MARK / 2}
 
     if not places:
         return
-    lab.play(cut(played.play, places[-1] + 1), env, watch=watch, state=False)
+    session.play(cut(played.play, places[-1] + 1), env, watch=watch, state=False)
     for turn in sorted(after.keys() & marked.keys()):
         for agent, mark in marked[turn].items():
             plain = paid[turn + 1] if turn + 1 < len(paid) else {}
             more = after[turn].get(agent, 0.0) - plain.get(agent, 0.0)
             stood = abs(more - mark) < NEAR * mark
             value = MarkedReward(agent=agent, reward=paid[turn][agent], mark=mark, stood=stood)
-            yield lab.fact(value, turn=turn, agent=agent, field="rewards")
+            yield session.fact(value, turn=turn, agent=agent, field="rewards")
 
 
 def _owed(
-    lab: ProbeSession, env: Any, played: EpisodeResult, paid: list[dict[Any, float]]
+    session: ProbeSession, env: Any, played: EpisodeResult, paid: list[dict[Any, float]]
 ) -> Iterator[Saw]:
     """Cumulative rewards after a reset, where the episode before was cut with some due."""
     turns = len(played.play.actions or ())
@@ -101,25 +101,25 @@ def _owed(
     if not places:
         return
     turn = places[-1]
-    lab.play(cut(played.play, turn), env, state=False)
-    reset = lab.call("reset", env.reset, seed=played.play.seed)
-    lab.meter.count()
+    session.play(cut(played.play, turn), env, state=False)
+    reset = session.call("reset", env.reset, seed=played.play.seed)
+    session.meter.count()
     if reset.failed is None:
         books = OwedAfterReset(
-            last=_last(lab, env) or 0.0,
-            rewards=_book(lab, env, "rewards"),
-            cumulative=_book(lab, env, "_cumulative_rewards"),
+            last=_last(session, env) or 0.0,
+            rewards=_book(session, env, "rewards"),
+            cumulative=_book(session, env, "_cumulative_rewards"),
         )
-        yield lab.fact(books, turn=turn, field="cumulative_reward")
+        yield session.fact(books, turn=turn, field="cumulative_reward")
 
 
-def _last(lab: ProbeSession, env: Any) -> float | None:
+def _last(session: ProbeSession, env: Any) -> float | None:
     """The reward of `last()`, where somebody is in turn and it is a number."""
-    if not lab.call("agents", getattr, env, "agents").value:
+    if not session.call("agents", getattr, env, "agents").value:
         return None
-    called = lab.call("last", env.last, False)
+    called = session.call("last", env.last, False)
     if called.failed is not None and called.failed.kind == "TypeError":
-        called = lab.call("last", env.last)  # one of its own, that always observes
+        called = session.call("last", env.last)  # one of its own, that always observes
     try:
         reward = called.value[1]
     except (TypeError, IndexError):
@@ -127,9 +127,9 @@ def _last(lab: ProbeSession, env: Any) -> float | None:
     return float(reward) if _is_real(reward) else None
 
 
-def _book(lab: ProbeSession, env: Any, name: str) -> dict[Any, float]:
+def _book(session: ProbeSession, env: Any, name: str) -> dict[Any, float]:
     """Values other than 0 in a dictionary of rewards, by agent; no number counts as 0."""
-    book = lab.call(name, getattr, env, name).value
+    book = session.call(name, getattr, env, name).value
     if not isinstance(book, Mapping):
         return {}
     return {agent: float(reward) for agent, reward in book.items() if _is_real(reward) and reward}

@@ -37,8 +37,8 @@ Told = list[tuple[str, Any, Any]]
 """By and by what was given: what it is, whose, a snapshot."""
 
 
-@probe("copies", share=0.8, plays=lambda lab: lab.plays(1, runs=8, most_turns=60))
-def copies(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("copies", share=0.8, plays=lambda session: session.plays(1, runs=8, most_turns=60))
+def copies(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Copies of an environment in mid-play go on beside the original, with the same actions.
 
     Copies at several moments of the play; then the copy goes on, then the original.
@@ -46,20 +46,20 @@ def copies(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `CopiedEnv`.
     """
-    base = lab.play(play, state=False)
+    base = session.play(play, state=False)
     paper = base.play.actions or ()
     if not paper:
         return
-    told, again = _whole(lab, play, paper), _whole(lab, play, paper)
+    told, again = _whole(session, play, paper), _whole(session, play, paper)
     differs_by_itself = len(told) != len(paper) or _first_divergence(told, again) is not None
     if differs_by_itself or not all(told):  # or a step gives nothing in the promised form
         return
     for way, duplicate in WAYS.items():
-        yield from _copied(lab, play, way, duplicate, paper, told)
+        yield from _copied(session, play, way, duplicate, paper, told)
 
 
 def _copied(
-    lab: ProbeSession,
+    session: ProbeSession,
     play: EpisodePlan,
     way: str,
     duplicate: Callable[[Any], Any],
@@ -67,26 +67,31 @@ def _copied(
     told: list[Told],
 ) -> Iterator[Fact[CopiedEnv]]:
     """Copies made in one way at several moments of one play, up to the first that goes astray."""
-    env = lab.env()
-    _begin(lab, env, play)
+    env = session.env()
+    _begin(session, env, play)
     count = len(paper)
     moments = sorted({count * k // MOMENTS for k in range(1, MOMENTS)})
-    _tell(lab, env, paper[: moments[0]])
+    _tell(session, env, paper[: moments[0]])
     for at, until in pairwise((*moments, count)):
         after = count if at == count // 2 else min(at + SHORT, count)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = lab.call(way, duplicate, env)
-        fact = _beside(lab, way, (env, made), paper, told, (at, until, after))
+            made = session.call(way, duplicate, env)
+        fact = _beside(session, way, (env, made), paper, told, (at, until, after))
         if not _is_wrong(fact):
             yield fact
             continue
         if at != moments[0]:  # an earlier copy may be to blame: once more where there was none
-            env = lab.env()
-            _begin(lab, env, play)
-            _tell(lab, env, paper[:at])
+            env = session.env()
+            _begin(session, env, play)
+            _tell(session, env, paper[:at])
             alone = _beside(
-                lab, way, (env, lab.call(way, duplicate, env)), paper, told, (at, count, count)
+                session,
+                way,
+                (env, session.call(way, duplicate, env)),
+                paper,
+                told,
+                (at, count, count),
             )
             if _is_wrong(alone) or fact.value.original is None:
                 fact = alone
@@ -99,7 +104,7 @@ def _is_wrong(fact: Fact[CopiedEnv]) -> bool:
 
 
 def _beside(
-    lab: ProbeSession,
+    session: ProbeSession,
     way: str,
     pair: tuple[Any, Called],
     paper: Sequence[Any],
@@ -115,17 +120,17 @@ def _beside(
     at, until, after = turns
     if made.failed is not None:
         refused = f"{made.failed.kind}: {made.failed.text}"
-        return lab.fact(CopiedEnv(refused, None, None, at), field=way)
+        return session.fact(CopiedEnv(refused, None, None, at), field=way)
     if not getattr(made.value, "agents", None) or _begins_anew(env):
         refused = "the copy begins anew: it wants a reset"
-        return lab.fact(CopiedEnv(refused, None, None, at), field=way)
+        return session.fact(CopiedEnv(refused, None, None, at), field=way)
     # who draws from the global generators is told so elsewhere: here both go on from one place
     dice = random.getstate(), np.random.get_state()
-    ours = _tell(lab, made.value, paper[at:after])
+    ours = _tell(session, made.value, paper[at:after])
     random.setstate(dice[0])
     np.random.set_state(dice[1])
-    theirs = _tell(lab, env, paper[at:until])
-    lab.call("close", made.value.close)
+    theirs = _tell(session, env, paper[at:until])
+    session.call("close", made.value.close)
     unsteppable = None
     if ours and ours[0][0][0] == "raises" and told[at][0][0] != "raises":
         unsteppable = f"the copy can't be stepped: {ours[0][0][2]}"
@@ -137,7 +142,7 @@ def _beside(
             seen.append(at + first_divergence[0] + 1)
             found[name] = f"{first_divergence[1]} at turn {seen[-1]}"
     value = CopiedEnv(unsteppable, found.get("copy"), found.get("original"), at)
-    return lab.fact(value, turn=min(seen, default=None), field=way)
+    return session.fact(value, turn=min(seen, default=None), field=way)
 
 
 def _begins_anew(env: Any) -> bool:
@@ -150,41 +155,43 @@ def _begins_anew(env: Any) -> bool:
     return issubclass(inner, EzPickle) and inner.__getstate__ is EzPickle.__getstate__
 
 
-def _whole(lab: ProbeSession, play: EpisodePlan, paper: Sequence[Any]) -> list[Told]:
-    env = lab.env()
-    _begin(lab, env, play)
-    return _tell(lab, env, paper)
+def _whole(session: ProbeSession, play: EpisodePlan, paper: Sequence[Any]) -> list[Told]:
+    env = session.env()
+    _begin(session, env, play)
+    return _tell(session, env, paper)
 
 
-def _begin(lab: ProbeSession, env: Any, play: EpisodePlan) -> None:
+def _begin(session: ProbeSession, env: Any, play: EpisodePlan) -> None:
     given = {"seed": play.seed, "options": play.options}
     seed_all(HELD)  # who draws from the global generators is told so elsewhere
-    lab.call("reset", env.reset, **{key: item for key, item in given.items() if item is not None})
+    session.call(
+        "reset", env.reset, **{key: item for key, item in given.items() if item is not None}
+    )
 
 
-def _tell(lab: ProbeSession, env: Any, paper: Sequence[Any]) -> list[Told]:
+def _tell(session: ProbeSession, env: Any, paper: Sequence[Any]) -> list[Told]:
     """Steps, and tells of each step all that it gave."""
     told = []
     for actions in actions_of(paper):
-        told.append(_step(lab, env, dict(actions)))
+        told.append(_step(session, env, dict(actions)))
         if (told[-1] and told[-1][0][0] == "raises") or not getattr(env, "agents", None):
             break
     return told
 
 
-def _step(lab: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
-    contract = lab.contract
+def _step(session: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
+    contract = session.contract
     gave: Told = []
-    if lab.api == "aec":
-        last = lab.call("last", env.last)
+    if session.api == "aec":
+        last = session.call("last", env.last)
         if last.failed is not None:
             return [("raises", None, f"{last.failed.kind}: {last.failed.text}")]
         agent = getattr(env, "agent_selection", None)
         gave.append(("last()", agent, _quiet(last.value, contract)))
-    done = lab.step(env, lab.handed(actions))
+    done = session.step(env, session.handed(actions))
     if done.failed is not None:
         return [("raises", None, f"{done.failed.kind}: {done.failed.text}")]
-    if lab.api == "aec":
+    if session.api == "aec":
         gave.append(("rewards", None, snapshot(getattr(env, "rewards", None))))
     elif isinstance(done.value, tuple) and len(done.value) == 5:
         names = ("observations", "rewards", "terminations", "truncations")
@@ -193,7 +200,7 @@ def _step(lab: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
         infos = done.value[4]
         if isinstance(infos, dict):
             gave.append(("infos", None, {a: _without(i, contract) for a, i in infos.items()}))
-    state = lab.call("state", methodcaller("state"), env)
+    state = session.call("state", methodcaller("state"), env)
     if state.failed is None:
         gave.append(("state()", None, snapshot(state.value)))
     return gave
@@ -242,14 +249,14 @@ def _bare(value: Any) -> Any:
     return None if type(value).__name__ == "OpaqueValue" else value
 
 
-def _conversion_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _conversion_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Plays in ticks; each tick is a turn of every agent."""
-    agents = max(len(lab.agents), 1)
-    yield from lab.plays(3, runs=2 * agents, most_turns=60)
+    agents = max(len(session.agents), 1)
+    yield from session.plays(3, runs=2 * agents, most_turns=60)
 
 
 @probe("conversion", share=0.8, plays=_conversion_plays, api="aec")
-def conversion(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def conversion(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """An AEC environment that calls itself parallelizable behind PettingZoo's own conversion.
 
     Plays it behind the conversion, and looks whether observations wait for the cycle's end.
@@ -257,58 +264,58 @@ def conversion(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `ConvertedEnv`, `WithinCycle`.
     """
-    env = lab.env()
+    env = session.env()
     metadata = getattr(env, "metadata", None)
     said = bool(isinstance(metadata, dict) and metadata.get("is_parallelizable"))
     if not said:
-        yield lab.fact(ConvertedEnv(said=False, failed=None, ticks=0), field="metadata")
+        yield session.fact(ConvertedEnv(said=False, failed=None, ticks=0), field="metadata")
         return
-    made = lab.call("aec_to_parallel", pettingzoo_parallel, env)
+    made = session.call("aec_to_parallel", pettingzoo_parallel, env)
     if made.failed is not None:
         text = f"{made.failed.kind}: {made.failed.text}"
         value = ConvertedEnv(said=True, failed=text, ticks=0)
-        yield lab.fact(value, turn=0, field="conversion")
+        yield session.fact(value, turn=0, field="conversion")
         return
-    played = lab.play(play, made.value, state=False)
+    played = session.play(play, made.value, state=False)
     ticks = len(played.play.actions or ())
-    lab.meter.count(ticks * max(len(lab.agents) - 1, 0))  # a tick is a step of each of them
+    session.meter.count(ticks * max(len(session.agents) - 1, 0))  # a tick is a step of each of them
     failed = None if played.failed is None else f"{played.failed.kind}: {played.failed.text}"
     value = ConvertedEnv(said=True, failed=failed, ticks=ticks)
     turn = None if played.failed is None else ticks
-    yield lab.fact(value, turn=turn, field="conversion")
+    yield session.fact(value, turn=turn, field="conversion")
     if played.failed is None:
-        yield _cycles(lab, play, list(played.play.actions or ()))
+        yield _cycles(session, play, list(played.play.actions or ()))
 
 
-def _cycles(lab: ProbeSession, play: EpisodePlan, paper: list[Actions]) -> Saw:
+def _cycles(session: ProbeSession, play: EpisodePlan, paper: list[Actions]) -> Saw:
     """Plays the same actions turn by turn, and compares what was seen within each cycle."""
-    env = lab.env()
+    env = session.env()
     looks, found, seen_at = 0, None, None
-    if lab.call("reset", env.reset, seed=play.seed).failed is not None:
+    if session.call("reset", env.reset, seed=play.seed).failed is not None:
         paper = []
     for tick, actions in enumerate(paper):
         agents = [a for a in env.agents if not (env.terminations[a] or env.truncations[a])]
-        shown = {a: snapshot(lab.call("observe", env.observe, a).value) for a in agents}
+        shown = {a: snapshot(session.call("observe", env.observe, a).value) for a in agents}
         acted: list[Any] = []
         while env.agents and len(acted) < len(agents) and found is None:
             agent = env.agent_selection
             if env.terminations[agent] or env.truncations[agent]:
                 break
-            now = lab.call("observe", env.observe, agent).value
+            now = session.call("observe", env.observe, agent).value
             looks += 1
             if agent in shown and not is_same(now, shown[agent]):
                 found, seen_at = ChangedView(agent, list(acted)), tick
-            if lab.step(env, actions.get(agent)).failed is not None:
+            if session.step(env, actions.get(agent)).failed is not None:
                 break
             acted.append(agent)
-        while env.agents and _is_over(env) and lab.step(env, None).failed is None:
+        while env.agents and _is_over(env) and session.step(env, None).failed is None:
             pass
         if found is not None:
             break
     agent = None if found is None else found.agent
     return replace(
-        lab.fact(WithinCycle(looks=looks, changed=found), agent=agent, field="cycle"),
-        where=lab.at(None if seen_at is None else seen_at + 1, agent, "cycle"),
+        session.fact(WithinCycle(looks=looks, changed=found), agent=agent, field="cycle"),
+        where=session.at(None if seen_at is None else seen_at + 1, agent, "cycle"),
     )
 
 

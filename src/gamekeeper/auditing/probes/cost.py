@@ -87,16 +87,16 @@ TWO_PLAYS: Final = 600
 """With so many steps a second play confirms the first."""
 
 
-def _long_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _long_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """One or two, as long as the ration allows."""
-    count = 2 if lab.ration >= TWO_PLAYS else 1
-    turns = min(max(lab.ration // (2 * count), LEAST_TURNS), MOST_TURNS)
-    turns = affordable(lab, turns, MOST_BYTES)
-    return lab.plays_of([turns] * count)
+    count = 2 if session.ration >= TWO_PLAYS else 1
+    turns = min(max(session.ration // (2 * count), LEAST_TURNS), MOST_TURNS)
+    turns = affordable(session, turns, MOST_BYTES)
+    return session.plays_of([turns] * count)
 
 
 @probe("long", share=1.5, plays=_long_plays)
-def long(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def long(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """A long play, and the work of each of its turns: lines of Python and memory, never the clock.
 
     The work of each turn of a play, that was played once before for its actions.
@@ -108,10 +108,10 @@ def long(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """
     if play.actions is not None:
         return
-    played = lab.play(play, state=False)
-    env = lab.env()
-    lab.meter.count(RESET_STEPS)
-    if lab.call("reset", env.reset, seed=play.seed, options=play.options).failed is not None:
+    played = session.play(play, state=False)
+    env = session.env()
+    session.meter.count(RESET_STEPS)
+    if session.call("reset", env.reset, seed=play.seed, options=play.options).failed is not None:
         return
     turns: list[tuple[int, int, int, int]] = []
     with traced_memory():
@@ -119,38 +119,38 @@ def long(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             live = len(env.agents)
             if not live:
                 break
-            lab.meter.count()
-            given = lab.handed(actions)
+            session.meter.count()
+            given = session.handed(actions)
             gc.collect()  # what only waits for the collector isn't kept
             size = tracemalloc.get_traced_memory()[0]
-            called, work = work_of(lambda given=given: _turn(lab, env, given))  # type: ignore[misc]  # bound in this turn
+            called, work = work_of(lambda given=given: _turn(session, env, given))  # type: ignore[misc]  # bound in this turn
             if called.failed is not None:
                 break
             turns.append((live, work.lines, work.passing_bytes, size))
             del called
-    yield lab.fact(
+    yield session.fact(
         TurnWork(*(zip(*turns, strict=True) if turns else ((), (), (), ()))), field="step"
     )
 
 
-def _turn(lab: ProbeSession, env: Any, given: Any) -> Called:
+def _turn(session: ProbeSession, env: Any, given: Any) -> Called:
     """A step; what it shows is worked out by it, or in an AEC environment by `last()`."""
-    if lab.api == "aec":
-        lab.call("last", env.last)
-    return lab.call("step", env.step, given)
+    if session.api == "aec":
+        session.call("last", env.last)
+    return session.call("step", env.step, given)
 
 
 TURNS: Final = 10
 EPISODES: Final = 12
 
 
-def _repeated_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _repeated_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """One short play."""
-    yield EpisodePlan(seed=lab.seed, most_turns=TURNS)
+    yield EpisodePlan(seed=session.seed, most_turns=TURNS)
 
 
 @probe("repeated", share=0.8, plays=_repeated_plays)
-def repeated(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def repeated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """One short play, again and again in one instance: what it costs each time, and what stays.
 
     The same short play over and over.
@@ -158,36 +158,36 @@ def repeated(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `EpisodeWork`.
     """
-    env = lab.env()
-    paper = lab.play(play, env, state=False).play.actions or ()
+    env = session.env()
+    paper = session.play(play, env, state=False).play.actions or ()
     if not paper:
         return
     lines, passing, sizes = (array("q", [0] * EPISODES) for _ in range(3))  # take no more memory
     with traced_memory():
         for k in range(EPISODES):
-            lab.meter.count(
+            session.meter.count(
                 RESET_STEPS + len(paper)
             )  # outside: signs of life take lines of their own
-            done, work = work_of(lambda: _episode(lab, env, play, paper))
+            done, work = work_of(lambda: _episode(session, env, play, paper))
             if not done:
                 return
             gc.collect()
             lines[k], passing[k] = work.lines, work.passing_bytes
             sizes[k] = kept_bytes()
     value = EpisodeWork(lines=list(lines), passing=list(passing), sizes=list(sizes))
-    yield lab.fact(value, field="episodes")
+    yield session.fact(value, field="episodes")
 
 
-def _episode(lab: ProbeSession, env: Any, play: EpisodePlan, paper: tuple[Any, ...]) -> bool:
+def _episode(session: ProbeSession, env: Any, play: EpisodePlan, paper: tuple[Any, ...]) -> bool:
     """Tells whether the episode could be played."""
-    if lab.call("reset", env.reset, seed=play.seed, options=play.options).failed is not None:
+    if session.call("reset", env.reset, seed=play.seed, options=play.options).failed is not None:
         return False
     for actions in paper:
         if not env.agents:
             break
-        if lab.api == "aec":
-            lab.call("last", env.last)
-        given = actions if lab.api == "parallel" else next(iter(actions.values()), None)
-        if lab.call("step", env.step, given).failed is not None:
+        if session.api == "aec":
+            session.call("last", env.last)
+        given = actions if session.api == "parallel" else next(iter(actions.values()), None)
+        if session.call("step", env.step, given).failed is not None:
             return False
     return True

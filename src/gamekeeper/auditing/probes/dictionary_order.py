@@ -71,7 +71,7 @@ class FirstDivergence:
     seen: Mapping[Key, bytes]
 
 
-def told(lab: ProbeSession, first_divergence: FirstDivergence) -> DifferenceKind:
+def told(session: ProbeSession, first_divergence: FirstDivergence) -> DifferenceKind:
     """Reruns the play up to the divergence, and says what the order of the actions changes.
 
     Nothing was drawn: it is the outcome. Else both orders are given the same number of fresh
@@ -80,60 +80,65 @@ def told(lab: ProbeSession, first_divergence: FirstDivergence) -> DifferenceKind
     at other states of the play.
     """
     with kept_global_generators():
-        drawn = _drawn(lab, first_divergence)
+        drawn = _drawn(session, first_divergence)
         if not drawn:
             return DifferenceKind("noise" if drawn is None else "outcome")
-        bench = _Reordering(lab, first_divergence)
-        first = bench.at_the_first_divergence()
+        reordering = _Reordering(session, first_divergence)
+        first = reordering.at_the_first_divergence()
         if first is None:
             return DifferenceKind("undecided")
-        rest = bench.elsewhere() if first > 1 / 100 else None
+        rest = reordering.elsewhere() if first > 1 / 100 else None
     return DifferenceKind("draws", (first,) if rest is None else (first, rest))
 
 
-def _drawn(lab: ProbeSession, first_divergence: FirstDivergence) -> bool | None:
+def _drawn(session: ProbeSession, first_divergence: FirstDivergence) -> bool | None:
     """True if a generator moves in the step before the divergence; None: it is mere noise."""
     found = False
     for order in ("", "", first_divergence.order):
-        env = _led(lab, first_divergence, first_divergence.turn - 1)
+        env = _led(session, first_divergence, first_divergence.turn - 1)
         actions = _ordered(first_divergence.play, order, first_divergence.turn - 1)
         outs: list[Any] = []
-        is_calm = is_still(env, partial(_stepped, lab, env, actions, outs))
-        if not order and digests(outs[0], lab.contract.volatile_infos()) != first_divergence.seen:
+        is_calm = is_still(env, partial(_stepped, session, env, actions, outs))
+        if (
+            not order
+            and digests(outs[0], session.contract.volatile_infos()) != first_divergence.seen
+        ):
             return None
         found = found or not is_calm
     return found
 
 
-def _stepped(lab: ProbeSession, env: Any, actions: Mapping[Any, Any], outs: list[Any]) -> None:
-    outs.append(lab.step(env, actions).value)
+def _stepped(session: ProbeSession, env: Any, actions: Mapping[Any, Any], outs: list[Any]) -> None:
+    outs.append(session.step(env, actions).value)
 
 
 class _Reordering:
     """Samples of both orders from one state on."""
 
-    def __init__(self, lab: ProbeSession, first_divergence: FirstDivergence) -> None:
-        self._lab, self._first_divergence = lab, first_divergence
-        self._volatile = lab.contract.volatile_infos()
-        self._rng = np.random.default_rng([11, lab.number])
-        self._left = max(lab.ration, 400)
+    def __init__(self, session: ProbeSession, first_divergence: FirstDivergence) -> None:
+        self._session, self._first_divergence = session, first_divergence
+        self._volatile = session.contract.volatile_infos()
+        self._rng = np.random.default_rng([11, session.number])
+        self._left = max(session.ration, 400)
 
     def at_the_first_divergence(self) -> float | None:
         """The p-value of both orders having one distribution there; None: it can't be known."""
-        turn, lab = self._first_divergence.turn, self._lab
+        turn, session = self._first_divergence.turn, self._session
         begun = self._cause()
-        env = _led(lab, self._first_divergence, begun)
-        can_copy = _copies_well(lab, env, _ordered(self._first_divergence.play, "", begun))
+        env = _led(session, self._first_divergence, begun)
+        can_copy = _copies_well(session, env, _ordered(self._first_divergence.play, "", begun))
         each = turn - begun if can_copy else turn
         size = min(SAMPLES, self._left // max(2 * each, 1))
         if size < FEWEST:
             return None
         found: dict[str, list[Numbers]] = {"": [], self._first_divergence.order: []}
         if can_copy:
-            env = _led(lab, self._first_divergence, begun)
+            env = _led(session, self._first_divergence, begun)
         for number in range(size):
             for side, order in enumerate(found):
-                one = copy.deepcopy(env) if can_copy else _led(lab, self._first_divergence, begun)
+                one = (
+                    copy.deepcopy(env) if can_copy else _led(session, self._first_divergence, begun)
+                )
                 reseed(one, 2 * number + side)
                 found[order].append(self._onward(one, begun, order))
         values = stacked([*found[""], *found[self._first_divergence.order]])
@@ -141,14 +146,14 @@ class _Reordering:
 
     def elsewhere(self) -> float | None:
         """The same over states along the play; None where copies can't be had."""
-        lab, actions = self._lab, self._first_divergence.play.actions or ()
-        env = _led(lab, self._first_divergence, 0)
+        session, actions = self._session, self._first_divergence.play.actions or ()
+        env = _led(session, self._first_divergence, 0)
         step = max(len(actions) // MOST_STATES, 1)
         pairs: list[Numbers] = []
         for turn in range(len(actions)):
             if turn % step == 0 and len(getattr(env, "agents", ())) > 1:
                 if turn == 0 and not _copies_well(
-                    lab, _led(lab, self._first_divergence, 0), actions[0]
+                    session, _led(session, self._first_divergence, 0), actions[0]
                 ):
                     return None
                 for side, order in enumerate(("", self._first_divergence.order)):
@@ -157,7 +162,7 @@ class _Reordering:
                     pairs.append(
                         self._numbers(one, _ordered(self._first_divergence.play, order, turn))
                     )
-            lab.step(env, actions[turn])
+            session.step(env, actions[turn])
         if len(pairs) < 2 * FEWEST:
             return None
         values = stacked(pairs)
@@ -167,38 +172,40 @@ class _Reordering:
         """The step whose order makes the difference: the last before it, or all of them."""
         turn, outs = self._first_divergence.turn, []
         for order in ("", self._first_divergence.order):
-            env = _led(self._lab, self._first_divergence, turn - 1)
-            out = self._lab.step(env, _ordered(self._first_divergence.play, order, turn - 1)).value
+            env = _led(self._session, self._first_divergence, turn - 1)
+            out = self._session.step(
+                env, _ordered(self._first_divergence.play, order, turn - 1)
+            ).value
             outs.append(digests(out, self._volatile))
         return turn - 1 if outs[0] != outs[1] else 0
 
     def _onward(self, env: Any, begun: int, order: str) -> Numbers:
         for turn in range(begun, self._first_divergence.turn - 1):
-            self._lab.step(env, _ordered(self._first_divergence.play, order, turn))
+            self._session.step(env, _ordered(self._first_divergence.play, order, turn))
         return self._numbers(
             env, _ordered(self._first_divergence.play, order, self._first_divergence.turn - 1)
         )
 
     def _numbers(self, env: Any, actions: Mapping[Any, Any]) -> Numbers:
-        return numbers(self._lab.step(env, actions).value, self._volatile)
+        return numbers(self._session.step(env, actions).value, self._volatile)
 
 
-def _led(lab: ProbeSession, first_divergence: FirstDivergence, turns: int) -> Any:
+def _led(session: ProbeSession, first_divergence: FirstDivergence, turns: int) -> Any:
     """An environment to which the first `turns` of the play have happened."""
-    env = lab.env()
-    lab.meter.count()
-    lab.call("reset", env.reset, seed=first_divergence.play.seed)
+    env = session.env()
+    session.meter.count()
+    session.call("reset", env.reset, seed=first_divergence.play.seed)
     for turn in range(turns):
-        lab.step(env, _ordered(first_divergence.play, "", turn))
+        session.step(env, _ordered(first_divergence.play, "", turn))
     return env
 
 
-def _copies_well(lab: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> bool:
+def _copies_well(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> bool:
     """Tells whether a copy goes on as its original does, for a step at least."""
-    copied = lab.call("deepcopy", copy.deepcopy, env)
+    copied = session.call("deepcopy", copy.deepcopy, env)
     if copied.failed is not None:
         return False
-    outs = [lab.step(one, copy.deepcopy(actions)) for one in (copied.value, env)]
+    outs = [session.step(one, copy.deepcopy(actions)) for one in (copied.value, env)]
     return outs[0].failed is None and digests(outs[0].value) == digests(outs[1].value)
 
 
@@ -222,13 +229,13 @@ MEETINGS: Final = 3
 """One play of so many is random, in the others agents are brought together."""
 
 
-def _order_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _order_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Few long plays, and more where they end early and leave steps to spend."""
-    return lab.plays_of([max(lab.ration // (PLAYS * RUNS), 20)] * MOST_PLAYS)
+    return session.plays_of([max(session.ration // (PLAYS * RUNS), 20)] * MOST_PLAYS)
 
 
 @probe("order", share=2.5, plays=_order_plays, api="parallel")
-def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def order(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The same joint actions in other orders of their dictionary, at every tick of whole episodes.
 
     In two plays of three the policies bring agents together: they learn what their actions move in
@@ -244,12 +251,12 @@ def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `OrderOutcome`.
     """
     seen: list[dict[Key, bytes]] = []
-    volatile = lab.contract.volatile_infos()
-    base = lab.play(
+    volatile = session.contract.volatile_infos()
+    base = session.play(
         play,
         state=False,
         watch=lambda turn, env, out: seen.append(digests(out, volatile)),
-        steer=partial(meeting, lab.contract) if play.stream % MEETINGS else None,
+        steer=partial(meeting, session.contract) if play.stream % MEETINGS else None,
     )
     actions = base.play.actions or ()
     together = [turn for turn, each in enumerate(actions) if len(each) > 1]
@@ -258,16 +265,16 @@ def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     ticks = 0
     for order in orders(max(map(len, actions)), play.stream):
         watch = _Comparing(seen, volatile)
-        lab.play(base.play, change=ActionOrder(order), state=False, watch=watch)
+        session.play(base.play, change=ActionOrder(order), state=False, watch=watch)
         ticks += len(together)
         if watch.turn is not None:
-            yield _parted(lab, base, order, watch, ticks, seen, volatile)
+            yield _parted(session, base, order, watch, ticks, seen, volatile)
             return
-    yield lab.fact(OrderOutcome(result="same", ticks=ticks), field="rewards")
+    yield session.fact(OrderOutcome(result="same", ticks=ticks), field="rewards")
 
 
 def _parted(
-    lab: ProbeSession,
+    session: ProbeSession,
     base: EpisodeResult,
     order: str,
     counterfactual: _Comparing,
@@ -278,20 +285,20 @@ def _parted(
     """The fact of a difference, after a look at what is nobody's doing."""
     turn = counterfactual.turn or 0
     unchanged_rerun = _Comparing(seen, volatile, keep=turn)
-    lab.play(base.play, state=False, watch=unchanged_rerun)
+    session.play(base.play, state=False, watch=unchanged_rerun)
     if unchanged_rerun.turn is not None and unchanged_rerun.turn <= turn:
-        return lab.fact(OrderOutcome(result="noise", ticks=ticks), field="rewards")
+        return session.fact(OrderOutcome(result="noise", ticks=ticks), field="rewards")
     found = first_difference(unchanged_rerun.out, counterfactual.out, volatile)
     found = found or Difference("agents", "", None, None, is_rounding=False)
     result = "rounding"
     p_values: tuple[float, ...] = ()
     if not found.is_rounding:
-        verdict = told(lab, FirstDivergence(base.play, order, turn, seen[turn]))
+        verdict = told(session, FirstDivergence(base.play, order, turn, seen[turn]))
         result, p_values = verdict.result, verdict.p_values
     value = OrderOutcome(
         result, ticks, order, turn, found.part, found.agent, found.one, found.two, p_values
     )
-    return lab.fact(
+    return session.fact(
         value, turn=turn - (found.part == "rewards"), agent=found.agent or None, field=found.part
     )
 

@@ -122,20 +122,20 @@ OFTEN: Final = 3
 """Episodes for one pair that is tried against several futures."""
 
 
-def _form_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _form_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """As many episodes as the budget holds; long ones are cut."""
-    each = len(lab.agents) if lab.api == "parallel" else 1
-    ration = min(lab.ration, MOST_STEPS, MOST_AGENT_STEPS // max(each, 1))
+    each = len(session.agents) if session.api == "parallel" else 1
+    ration = min(session.ration, MOST_STEPS, MOST_AGENT_STEPS // max(each, 1))
     turns = max(ration // (EPISODES * (1 + PER_STEP)), 20)
-    begun = lab.meter.steps
+    begun = session.meter.steps
     for k in range(MOST_EPISODES):
-        if lab.meter.steps - begun >= ration:
+        if session.meter.steps - begun >= ration:
             return
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=min(turns, LONGEST))
+        yield EpisodePlan(seed=session.seed + k, stream=k, most_turns=min(turns, LONGEST))
 
 
 @probe("form", share=0.0, on_top=0.5, plays=_form_plays)
-def form(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def form(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Whole episodes with random legal moves; at some rounds each move is replaced, by itself.
 
     What differs from the unchanged rerun in the rounds after is that move's doing: masks and
@@ -146,32 +146,32 @@ def form(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `EpisodeShape`, `MoveTrial`, `DrawnPriority`, `UnsettledMoves`, `FormError`.
     """
-    done = lab.call("play", _Forms, lab, play)
+    done = session.call("play", _Forms, session, play)
     if done.said is not None:
-        yield lab.fact(FormError("an episode", done.said))
+        yield session.fact(FormError("an episode", done.said))
         return
     forms = done.value
-    yield lab.fact(shape(forms.paper, is_over=forms.is_over, api=lab.api))
+    yield session.fact(shape(forms.paper, is_over=forms.is_over, api=session.api))
     trials: list[Any] = []
     with kept_global_generators():
-        tried = lab.call("branches", lambda: trials.extend(forms.trials()))
-    yield from (lab.fact(each, turn=each.turn) for each in trials)
+        tried = session.call("branches", lambda: trials.extend(forms.trials()))
+    yield from (session.fact(each, turn=each.turn) for each in trials)
     if tried.said is not None:
-        yield lab.fact(FormError("replaced moves", tried.said))
+        yield session.fact(FormError("replaced moves", tried.said))
 
 
 class _Forms:
     """One episode and its branches."""
 
-    def __init__(self, lab: ProbeSession, play: EpisodePlan) -> None:
-        self._lab, self._stream, self._seed = lab, play.stream, play.seed
-        self._rng = np.random.default_rng([23, lab.seed, play.stream])
-        self._spaces = _spaces(lab, play.stream)
-        self._env = lab.env()
+    def __init__(self, session: ProbeSession, play: EpisodePlan) -> None:
+        self._session, self._stream, self._seed = session, play.stream, play.seed
+        self._rng = np.random.default_rng([23, session.seed, play.stream])
+        self._spaces = _spaces(session, play.stream)
+        self._env = session.env()
         self._can_copy = True
         self._habits: dict[Any, Any] = {}
         self._stands: dict[int, list[Any]] = {}
-        board = Board(lab, self._env)
+        board = Board(session, self._env)
         board.reset(play.seed)
         before = states()
         first, steps = tuple(self._env.agents), list[BranchStep]()
@@ -179,7 +179,7 @@ class _Forms:
             steps.append(board.step(self._chosen(board)))
         self.is_over = board.is_over
         self._is_global = states() != before  # it draws from generators of the whole process
-        self.paper = EpisodeSteps(play.seed, first, steps, rounds_of(steps, first, lab.api))
+        self.paper = EpisodeSteps(play.seed, first, steps, rounds_of(steps, first, session.api))
 
     def trials(self) -> Iterator[MoveTrial | DrawnPriority | UnsettledMoves]:
         """Yields what replaced moves changed, as far as the unchanged rerun agrees."""
@@ -187,14 +187,14 @@ class _Forms:
         spots = self._spots(ahead)
         boards, settled = self._led({step for spot in spots for step in spot})
         if settled < len(self.paper.steps):
-            self._lab.unlike[:] = self._lab.unlike or [self._plan()]
+            self._session.unlike[:] = self._session.unlike or [self._plan()]
             yield UnsettledMoves(settled)
         if self._can_copy and spots:
-            done = self._lab.call("copies", self._copies_well, boards, settled, ahead)
+            done = self._session.call("copies", self._copies_well, boards, settled, ahead)
             self._can_copy = done.value is True
         if not self._can_copy:
             spots = spots[: self._affordable(spots, ahead)]
-        is_tried = self._lab.api == "aec" or self._stream % OFTEN > 0
+        is_tried = self._session.api == "aec" or self._stream % OFTEN > 0
         for spot in spots:
             found = []
             for step in spot:
@@ -259,18 +259,18 @@ class _Forms:
     def _led(self, at: set[int]) -> tuple[dict[int, Board], int]:
         """Copies of the environment before these steps, and the step at which the rerun differs."""
         boards: dict[int, Board] = {}
-        board = Board(self._lab, self._env, shared=spaces_in(self._env))
+        board = Board(self._session, self._env, shared=spaces_in(self._env))
         board.reset(self._seed)
         for place, written in enumerate(self.paper.steps):
             if written.given.keys() != board.given.keys() or written.actions is None:
                 return boards, place
             if place in at and self._can_copy:
-                copied = self._lab.call("deepcopy", board.waiting, with_globals=self._is_global)
+                copied = self._session.call("deepcopy", board.waiting, with_globals=self._is_global)
                 self._can_copy = copied.failed is None
                 if self._can_copy:
                     boards[place] = copied.value
             is_same = _is_same(board.step(written.actions), written)
-            if place in at and self._lab.api == "aec":
+            if place in at and self._session.api == "aec":
                 self._stands[place] = standing(board.env)
             if not is_same:
                 return boards, place
@@ -297,7 +297,7 @@ class _Forms:
         """The environment before a step: a copy, else led there from the reset."""
         if self._can_copy and step in boards:
             return boards[step].taken_up()
-        board = Board(self._lab, self._env)
+        board = Board(self._session, self._env)
         board.reset(self._seed)
         for written in self.paper.steps[:step]:
             board.step(written.actions or {})
@@ -441,10 +441,10 @@ def _takes(base: Mapping[Any, float], changed: Mapping[Any, float], taker: Any, 
     return own * its < 0
 
 
-def _spaces(lab: ProbeSession, stream: int) -> dict[str, Any]:
+def _spaces(session: ProbeSession, stream: int) -> dict[str, Any]:
     """The action spaces by agent, copies of their own with a seed."""
     found: dict[str, Any] = {}
-    for place, (name, spec) in enumerate(lab.agents.items()):
+    for place, (name, spec) in enumerate(session.agents.items()):
         space = copy.deepcopy(spec.action_space)
         if space is not None:
             space.seed(int(np.random.default_rng([29, stream, place]).integers(1 << 31)))

@@ -34,8 +34,8 @@ NEIGHBOURS: Final = 8
 
 
 # most buffers are used again soon, some only when something rare happens
-@probe("kept", share=0.8, plays=lambda lab: lab.plays(8, most_turns=200))
-def kept(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("kept", share=0.8, plays=lambda session: session.plays(8, most_turns=200))
+def kept(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Values that were handed out, looked at again later: did the environment write into them?
 
     Keeps everything for some turns, beside a copy.
@@ -43,30 +43,30 @@ def kept(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `KeptValues`, `SharedValues`.
     """
-    shelf = HeldValues(affordable(lab, max(2 * len(lab.agents) + 2, LEAST_AGE)))
+    shelf = HeldValues(affordable(session, max(2 * len(session.agents) + 2, LEAST_AGE)))
 
     def watch(turn: int, env: Any, out: Any) -> None:
         shelf.look(turn)
-        for name, agent, value in _given(lab, shelf, env, out):
+        for name, agent, value in _given(session, shelf, env, out):
             shelf.put(turn, name, agent, value)
 
     def watch_pairs(turn: int, env: Any, out: Any) -> None:
-        shelf.look_at_pairs(turn, _together(lab, env, out))
+        shelf.look_at_pairs(turn, _together(session, env, out))
 
-    played = lab.play(play, watch=watch, state=False)
+    played = session.play(play, watch=watch, state=False)
     actions = played.play.actions or ()
     shelf.look(len(actions), at_all=True)
     # a play of its own, as asking for everybody's observation may write into those that were kept
-    lab.play(replace(played.play, actions=actions[:AT_ONCE]), watch=watch_pairs, state=False)
+    session.play(replace(played.play, actions=actions[:AT_ONCE]), watch=watch_pairs, state=False)
     for name, count in shelf.looks.items():
         changed = shelf.changed.get(name)
         turn, agent = (None, None) if changed is None else (changed.seen, changed.agent)
         kept_values = KeptValues(looks=count, changed=changed)
-        yield lab.fact(kept_values, turn=turn, agent=agent, field=name)
+        yield session.fact(kept_values, turn=turn, agent=agent, field=name)
     for name, count in shelf.pairs.items():
         turn, pair = shelf.shared.get(name, (None, None))
         value = SharedValues(looks=count, shared=shelf.alike.get(name, 0), pair=pair)
-        yield lab.fact(value, turn=turn, field=name)
+        yield session.fact(value, turn=turn, field=name)
 
 
 @dataclass(slots=True)
@@ -129,19 +129,19 @@ def _is_one(one: Any, other: Any) -> bool:
 
 
 def _given(
-    lab: ProbeSession, shelf: HeldValues, env: Any, out: Any
+    session: ProbeSession, shelf: HeldValues, env: Any, out: Any
 ) -> Iterator[tuple[str, Any, Any]]:
     """Everything that was just handed out: what it is, whose, the very object."""
-    if lab.api == "parallel":
+    if session.api == "parallel":
         yield from _returned(out)
     elif env.agents:
         agent = env.agent_selection
-        last = lab.call("last", env.last).value
+        last = session.call("last", env.last).value
         if isinstance(last, tuple) and len(last) == 5:
             yield "observations", agent, last[0]
             yield "infos", agent, last[4]
     if shelf.has_state and env.agents:
-        state = lab.call("state", methodcaller("state"), env)
+        state = session.call("state", methodcaller("state"), env)
         shelf.has_state = state.failed is None and _can_change(state.value)
         if shelf.has_state:
             yield "state", None, state.value
@@ -164,21 +164,21 @@ def _parts(out: Any) -> dict[str, dict[Any, Any]]:
     return {name: part for name, part in pairs if isinstance(part, dict)}
 
 
-def _together(lab: ProbeSession, env: Any, out: Any) -> dict[str, Mapping[Any, Any]]:
+def _together(session: ProbeSession, env: Any, out: Any) -> dict[str, Mapping[Any, Any]]:
     """Observations and infos of all agents at one turn."""
-    if lab.api == "parallel":
+    if session.api == "parallel":
         return {name: part for name, part in _parts(out).items() if name in (PARTS[0], PARTS[4])}
     seen = {}
     for agent in list(env.agents):
-        called = lab.call("observe", env.observe, agent)
+        called = session.call("observe", env.observe, agent)
         if called.failed is None:
             seen[agent] = called.value
     infos = getattr(env, "infos", None)
     return {"observations": seen, "infos": infos if isinstance(infos, Mapping) else {}}
 
 
-@probe("handed_over", share=0.6, plays=lambda lab: lab.plays(1, runs=4, most_turns=200))
-def handed_over(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("handed_over", share=0.6, plays=lambda session: session.plays(1, runs=4, most_turns=200))
+def handed_over(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Values that are handed over: does the environment write into them, or read them again later?
 
     Plays, plays again with actions that are compared after the step, and with overwritten ones.
@@ -188,14 +188,14 @@ def handed_over(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Counterfactuals:
         with the change `ActionsOverwritten`, where actions are more than plain numbers.
     """
-    base = lab.play(play, state=False)
+    base = session.play(play, state=False)
     actions = [dict(each) for each in base.play.actions or ()]
-    can_change = lab.api == "parallel" or any(map(_is_writable, actions))
-    yield from _options(lab, play)
+    can_change = session.api == "parallel" or any(map(_is_writable, actions))
+    yield from _options(session, play)
     if can_change and actions and base.failed is None:
-        yield _compared(lab, play, actions)
-        unchanged_rerun = lab.play(base.play, state=False)
-        yield lab.counterfactual(base, unchanged_rerun, ActionsOverwritten(), state=False)
+        yield _compared(session, play, actions)
+        unchanged_rerun = session.play(base.play, state=False)
+        yield session.counterfactual(base, unchanged_rerun, ActionsOverwritten(), state=False)
 
 
 def _is_writable(actions: Mapping[Any, Any]) -> bool:
@@ -207,21 +207,21 @@ def _is_writable(actions: Mapping[Any, Any]) -> bool:
     )
 
 
-def _compared(lab: ProbeSession, play: EpisodePlan, paper: list[dict[Any, Any]]) -> Saw:
+def _compared(session: ProbeSession, play: EpisodePlan, paper: list[dict[Any, Any]]) -> Saw:
     """Steps with actions of its own and compares them after each step."""
-    env = lab.env()
+    env = session.env()
     looks, changed = 0, None
-    lab.call("reset", env.reset, **_reset(play))
+    session.call("reset", env.reset, **_reset(play))
     for each in paper:
         own = {agent: _again(action) for agent, action in each.items()}
         handed: Any = own
-        if lab.api == "aec":
+        if session.api == "aec":
             if not env.agents:
                 break
-            lab.call("last", env.last)
+            session.call("last", env.last)
             handed = next(iter(own.values()), None)
         before = snapshot(each)
-        stepped = lab.step(env, handed)
+        stepped = session.step(env, handed)
         looks += 1
         changed = _first_changed(own, before)
         if changed is not None or stepped.failed is not None:
@@ -229,7 +229,7 @@ def _compared(lab: ProbeSession, play: EpisodePlan, paper: list[dict[Any, Any]])
     agent = None if changed is None else changed.agent
     value = HandedActions(looks=looks, changed=changed)
     seen_at = None if changed is None else looks - 1
-    return lab.fact(value, turn=seen_at, agent=agent, field="actions")
+    return session.fact(value, turn=seen_at, agent=agent, field="actions")
 
 
 def _reset(play: EpisodePlan) -> dict[str, Any]:
@@ -252,14 +252,14 @@ def _first_changed(own: dict[Any, Any], before: dict[Any, Any]) -> ChangedArgume
     return None
 
 
-def _options(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def _options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Resets with options: empty ones, which every environment must bear."""
     options: dict[str, Any] = dict(play.options or {})
     before = snapshot(options)
-    env = lab.env()
-    done = lab.call("reset", env.reset, seed=play.seed, options=options)
+    env = session.env()
+    done = session.call("reset", env.reset, seed=play.seed, options=options)
     if done.failed is None:
         changed = (
             None if is_same(options, before) else ChangedArgument(None, before, snapshot(options))
         )
-        yield lab.fact(HandedOptions(looks=1, changed=changed), turn=0, field="options")
+        yield session.fact(HandedOptions(looks=1, changed=changed), turn=0, field="options")

@@ -32,8 +32,8 @@ RARE: Final = frozenset({"low", "high", "plain", "narrow"})
 """Cases that are legal."""
 
 
-@probe("illegal", share=1.0, plays=lambda lab: lab.plays(3, most_turns=MOST_TURNS))
-def illegal(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("illegal", share=1.0, plays=lambda session: session.plays(3, most_turns=MOST_TURNS))
+def illegal(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Illegal actions: out of the space, forbidden by the mask, missing, unknown, None, NaN.
 
     And legal ones that random play seldom or never comes to: the corners of a space, a plain int.
@@ -44,30 +44,30 @@ def illegal(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `TriedAction`.
         `rare`: the same of a legal action, `case` (low, high, plain, narrow); only without masks.
     """
-    env = lab.env()
-    played = lab.play(play, env, state=False)
+    env = session.env()
+    played = session.play(play, env, state=False)
     if played.failed is not None or not played.play.actions:
         return
-    unchanged_rerun = lab.play(played.play, env, state=False)
+    unchanged_rerun = session.play(played.play, env, state=False)
     is_alike = (
         compare(played.trace, unchanged_rerun.trace).divergence is None
         and unchanged_rerun.failed is None
     )
     turns = list(played.trace.turns)
-    for case in _cases(lab, played, turns):
-        done = _tried(lab, env, played, case)
+    for case in _cases(session, played, turns):
+        done = _tried(session, env, played, case)
         if done is None:
             return
-        again = lab.play(played.play, env, state=False).failed
+        again = session.play(played.play, env, state=False).failed
         if again is not None:
-            env = lab.env()
+            env = session.env()
             if again.call != "reset" and not is_alike:
                 again = None  # the same actions aren't always legal: nothing can be said here
         said = None if again is None else f"{again.call} raised {again.kind}: {again.text}"
         value = TriedAction(
             **done, is_legal=case.name in RARE, case=case.name, action=case.actions, again=said
         )
-        yield lab.fact(value, turn=case.turn, agent=case.agent, field=case.name)
+        yield session.fact(value, turn=case.turn, agent=case.agent, field=case.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class _Case:
     legal: float | None
 
 
-def _cases(lab: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Iterator[_Case]:
+def _cases(session: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Iterator[_Case]:
     """The illegal actions for this play, each at the last turn that was acted on."""
     actions = played.play.actions or ()
     moves = [
@@ -101,30 +101,30 @@ def _cases(lab: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Itera
     place, agent = moves[-1]
     paper = actions[place]
     paid = turns[place].rewards.get(agent_name(agent))
-    space = lab.space_of(agent)
+    space = session.space_of(agent)
     strange: list[tuple[str, Any]] = [("none", None)]
     strange += [] if space is None else _outside(space)
     if space is not None and not turns[place].masks:
         strange += _rare(space, paper[agent])
     for name, action in strange:
         yield _Case(name, place, agent, {**paper, agent: action}, paid)
-    if lab.api == "parallel":
+    if session.api == "parallel":
         rest = {each: action for each, action in paper.items() if each != agent}
         yield _Case("missing", place, agent, rest, paid)
-        known = {agent_name(each) for turn in actions for each in turn} | lab.agents.keys()
+        known = {agent_name(each) for turn in actions for each in turn} | session.agents.keys()
         stranger = next(name for name in map(STRANGER.format, count()) if name not in known)
         yield _Case("stranger", place, agent, {**paper, stranger: paper[agent]}, paid)
-    yield from _masked(lab, played, turns)
+    yield from _masked(session, played, turns)
 
 
-def _masked(lab: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Iterator[_Case]:
+def _masked(session: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Iterator[_Case]:
     """An action that a mask forbids, at the last turn at which one of a Discrete space does."""
     actions = played.play.actions or ()
     for place in reversed(range(len(actions))):
         turn = turns[place]
         for agent in actions[place]:
-            space = lab.space_of(agent)
-            mask: Any = reader(lab.contract.mask_of(agent_name(agent)))(
+            space = session.space_of(agent)
+            mask: Any = reader(session.contract.mask_of(agent_name(agent)))(
                 turn.observations.get(agent_name(agent)), turn.infos.get(agent_name(agent))
             )
             if not isinstance(space, spaces.Discrete) or np.shape(mask) != (int(space.n),):
@@ -172,39 +172,41 @@ def _outside(space: spaces.Space[Any]) -> list[tuple[str, Any]]:
 
 
 def _tried(
-    lab: ProbeSession, env: Any, played: EpisodeResult, case: _Case
+    session: ProbeSession, env: Any, played: EpisodeResult, case: _Case
 ) -> dict[str, Any] | None:
     """Result of the illegal step; None where the legal episode before it went otherwise."""
     play = played.play
     options = {} if play.options is None else {"options": dict(play.options)}
-    if lab.call("reset", env.reset, seed=play.seed, **options).failed is not None:
+    if session.call("reset", env.reset, seed=play.seed, **options).failed is not None:
         return None
     for actions in (play.actions or ())[: case.turn]:
-        if lab.step(env, lab.handed(dict(actions))).failed is not None:
+        if session.step(env, session.handed(dict(actions))).failed is not None:
             return None
     with warnings.catch_warnings():  # of NaN that was handed in: no news to anybody
         warnings.simplefilter("ignore")
-        done = lab.step(env, lab.handed(dict(case.actions)))
+        done = session.step(env, session.handed(dict(case.actions)))
     failed = done.failed
     return {
         "raised": None if failed is None else f"{failed.kind}: {failed.text}",
-        "reward": _paid(lab, env, done, case.agent),
+        "reward": _paid(session, env, done, case.agent),
         "legal_reward": case.legal,
-        "is_over": failed is None and _is_over(lab, env, done, case.agent),
+        "is_over": failed is None and _is_over(session, env, done, case.agent),
     }
 
 
-def _paid(lab: ProbeSession, env: Any, done: Called, agent: Any) -> float | None:
+def _paid(session: ProbeSession, env: Any, done: Called, agent: Any) -> float | None:
     try:
-        paid = done.value[1] if lab.api == "parallel" else env.rewards
+        paid = done.value[1] if session.api == "parallel" else env.rewards
         return float(paid[agent])
     except Exception:  # foreign code: it may keep no books, or none of this agent any more
         return None
 
 
-def _is_over(lab: ProbeSession, env: Any, done: Called, agent: Any) -> bool:
+def _is_over(session: ProbeSession, env: Any, done: Called, agent: Any) -> bool:
     try:
-        flags = done.value[2:4] if lab.api == "parallel" else (env.terminations, env.truncations)
+        flags = (
+            done.value[2:4] if session.api == "parallel" else (env.terminations, env.truncations)
+        )
         return agent not in env.agents or any(bool(each.get(agent)) for each in flags)
     except Exception:  # foreign code: it may keep no books
         return False
@@ -215,8 +217,8 @@ BEYOND: Final = 10
 """Turns after somebody's end in which an action of theirs may show."""
 
 
-@probe("ended", share=1.0, plays=lambda lab: lab.plays(PLAYS, runs=3), api="parallel")
-def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("ended", share=1.0, plays=lambda session: session.plays(PLAYS, runs=3), api="parallel")
+def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Actions of agents that have ended in a Parallel environment: do they change anything?
 
     A play in which somebody ends, played on with actions of those who have.
@@ -224,8 +226,8 @@ def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `EndedActions`.
     """
-    env = lab.env()
-    played = lab.play(play, env, state=False)
+    env = session.env()
+    played = session.play(play, env, state=False)
     yield played.trace
     extra = _extra(played)
     if extra is None:
@@ -234,12 +236,12 @@ def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     first, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
     courses = []
     for way in ({}, {}, first, other):
-        course, raised = _course(lab, env, cut, way)
+        course, raised = _course(session, env, cut, way)
         if raised is not None:
             if not way:
                 return  # nor can it be played without them
             refused = EndedActions(agents=list(extra), raised=raised, turn=None)
-            yield lab.fact(refused, field="ended_acts")
+            yield session.fact(refused, field="ended_acts")
             return
         courses.append(course)
     if courses[0] != courses[1]:  # what state() gives may hold more than the game
@@ -253,7 +255,7 @@ def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     end = len(cut.actions or ()) if turn is None else turn
     is_in_state = len({tuple(text for text, _ in course) for course in courses}) == 1
     proof = _proof(extra, with_state=turn is not None and is_in_state)
-    yield lab.fact(value, turn=end, field="ended_acts", proof=proof)
+    yield session.fact(value, turn=end, field="ended_acts", proof=proof)
 
 
 def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
@@ -277,18 +279,18 @@ def _cut(played: EpisodeResult, extra: Mapping[Any, Any]) -> EpisodePlan:
 
 
 def _course(
-    lab: ProbeSession, env: Any, play: EpisodePlan, extra: Mapping[Any, Any]
+    session: ProbeSession, env: Any, play: EpisodePlan, extra: Mapping[Any, Any]
 ) -> tuple[list[tuple[str, bytes]], str | None]:
     """Text of each call where ended agents act too, with the state after it; and the exception."""
-    reset = lab.call("reset", env.reset, seed=play.seed)
-    lab.meter.count()
+    reset = session.call("reset", env.reset, seed=play.seed)
+    session.meter.count()
     given = [(to_json(reset.value), b"")]
     for actions in play.actions or ():
-        called = lab.step(env, _with(play, extra, actions, len(given) - 1))
+        called = session.step(env, _with(play, extra, actions, len(given) - 1))
         if called.failed is not None:
             return given, called.failed.kind
         text = to_json(called.value[:4] if isinstance(called.value, tuple) else None)
-        given.append((text, value_digest(lab.call("state", lambda: env.state()).value)))
+        given.append((text, value_digest(session.call("state", lambda: env.state()).value)))
     return given, None
 
 

@@ -41,7 +41,7 @@ class StartAndEnd:
         dead: (AEC) turns at which somebody was to act whose flags were up.
     """
 
-    lab: ProbeSession
+    session: ProbeSession
     first: str | None = None
     last: str | None = None
     agents: int | None = None
@@ -55,7 +55,7 @@ class StartAndEnd:
             self.first = self._seen(env)
             possible, agents = self._roster(env, "possible_agents"), self._roster(env, "agents")
             self.agents = len(agents or ()) if possible is None or len(possible) else None
-        if self.lab.api == "aec" and not self.dead and is_dead(self.lab, env):
+        if self.session.api == "aec" and not self.dead and is_dead(self.session, env):
             self.dead.append(turn)
 
     def settle(self, env: Any) -> None:
@@ -63,26 +63,28 @@ class StartAndEnd:
         self.last = self._seen(env)
 
     def _seen(self, env: Any) -> str | None:
-        if self.lab.api == "parallel":
+        if self.session.api == "parallel":
             seen = self._out[0] if isinstance(self._out, tuple) and self._out else None
             if isinstance(seen, Mapping):  # who has just ended is seen once more, by no reset
                 live = list(self._roster(env, "agents") or ())
                 seen = {agent: item for agent, item in seen.items() if agent in live}
             return None if seen is None else to_json(seen)
         agents = list(self._roster(env, "agents") or ())[:MOST_SEEN]
-        called = [self.lab.call("observe", env.observe, agent) for agent in agents]
+        called = [self.session.call("observe", env.observe, agent) for agent in agents]
         return None if any(each.failed for each in called) else to_json([e.value for e in called])
 
     def _roster(self, env: Any, name: str) -> Any:
-        return self.lab.call(name, getattr, env, name).value
+        return self.session.call(name, getattr, env, name).value
 
 
-def is_dead(lab: ProbeSession, env: Any) -> bool:
+def is_dead(session: ProbeSession, env: Any) -> bool:
     """Tells whether the agent in turn has its flags up."""
-    if not lab.call("agents", getattr, env, "agents").value:
+    if not session.call("agents", getattr, env, "agents").value:
         return False
-    agent = lab.call("agent_selection", getattr, env, "agent_selection").value
-    books = (lab.call(name, getattr, env, name).value for name in ("terminations", "truncations"))
+    agent = session.call("agent_selection", getattr, env, "agent_selection").value
+    books = (
+        session.call(name, getattr, env, name).value for name in ("terminations", "truncations")
+    )
     return any(isinstance(book, Mapping) and bool(book.get(agent)) for book in books)
 
 
@@ -137,13 +139,13 @@ LEARNED: Final = ("rewards", "terminations", "truncations")
 """Parts of a step that a learner needs: without them it learns from no step after the end."""
 
 
-def _lifecycle_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _lifecycle_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """A long one and a shorter one."""
-    return lab.plays_of(max(int(lab.ration * part), 20) for part in PARTS)
+    return session.plays_of(max(int(session.ration * part), 20) for part in PARTS)
 
 
 @probe("lifecycle", share=2.0, plays=_lifecycle_plays)
-def lifecycle(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def lifecycle(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The life of an instance: before a reset, after the end, resets at any time, closing.
 
     One instance through its life; with the first play also two that were never reset.
@@ -152,60 +154,62 @@ def lifecycle(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `StepAfterEnd`, `LaterReset`, `IgnoredResets`, `DeadAction`, `IteratedAgents`,
         `ResetArguments`, `StepBeforeReset`, `Closings`.
     """
-    env = lab.env()
-    sight = StartAndEnd(lab)
-    base = lab.play(play, env, watch=sight.watch, state=False)
+    env = session.env()
+    sight = StartAndEnd(session)
+    base = session.play(play, env, watch=sight.watch, state=False)
     sight.settle(env)
     yield base.trace
-    if base.is_over and not lab.call("agents", getattr, env, "agents").value:
-        yield _after_end(lab, env, base)
-    yield from _resets(lab, env, base, sight)
-    if lab.api == "aec":
-        yield from _dead_action(lab, env, base, sight.dead)
-        yield from _iterated(lab, env, base)
-    yield _arguments(lab, env, base)
-    if lab.can_make:
-        yield from _closed(lab, env, base)
+    if base.is_over and not session.call("agents", getattr, env, "agents").value:
+        yield _after_end(session, env, base)
+    yield from _resets(session, env, base, sight)
+    if session.api == "aec":
+        yield from _dead_action(session, env, base, sight.dead)
+        yield from _iterated(session, env, base)
+    yield _arguments(session, env, base)
+    if session.can_make:
+        yield from _closed(session, env, base)
 
 
-def _after_end(lab: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
+def _after_end(session: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
     """Steps with actions of earlier turns once the episode is over."""
     turns = list(base.play.actions or ())[-MOST_TRIES:][::-1]
     latest: dict[Any, Any] = {}
     for actions in base.play.actions or ():
         latest.update(actions)
     actions, called, gave = latest, Called(), ""
-    for actions in [latest, *turns] if lab.api == "parallel" else turns:
-        called, gave = _step(lab, env, actions)
+    for actions in [latest, *turns] if session.api == "parallel" else turns:
+        called, gave = _step(session, env, actions)
         if gave:
             break
-    return lab.fact(
+    return session.fact(
         StepAfterEnd(raised=_kind(called.failed), gave=gave),
         turn=len(base.play.actions or ()),
         field="after_end",
-        proof=goes_on(lab.api, actions, plays=True),
+        proof=goes_on(session.api, actions, plays=True),
     )
 
 
-def _step(lab: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
+def _step(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
     """A step where none should be, and what came of it in words."""
-    if lab.api == "aec":
-        called = lab.step(env, next(iter(actions.values()), None))
-        left = lab.call("agents", getattr, env, "agents").value
+    if session.api == "aec":
+        called = session.step(env, next(iter(actions.values()), None))
+        left = session.call("agents", getattr, env, "agents").value
         return called, f"a turn, and {left} go on" if called.failed is None and left else ""
-    called = lab.step(env, dict(actions))
+    called = session.step(env, dict(actions))
     out = called.value if isinstance(called.value, tuple) else ()
     gave = [name for name, part in zip(LEARNED, out[1:4], strict=False) if part]
     return called, ", ".join(gave)
 
 
-def _resets(lab: ProbeSession, env: Any, base: EpisodeResult, begun: StartAndEnd) -> Iterator[Saw]:
+def _resets(
+    session: ProbeSession, env: Any, base: EpisodeResult, begun: StartAndEnd
+) -> Iterator[Saw]:
     """Resets after the play, in the midst of an episode, and twice, each with a few turns."""
     if base.failed is not None and base.failed.call == "reset":
-        yield lab.fact(
+        yield session.fact(
             LaterReset(when="the first one", raised=_words(base.failed), agents=None),
             field="reset",
-            proof=begins(lab.api, 1, ()),
+            proof=begins(session.api, 1, ()),
         )
         return
     before, latest = base, begun.last
@@ -213,22 +217,22 @@ def _resets(lab: ProbeSession, env: Any, base: EpisodeResult, begun: StartAndEnd
     for resets in (1, 1, 2):
         when = "after the end" if before.is_over else "in mid-episode"
         when = when if resets == 1 else "twice in a row"
-        twice = lab.call("reset", env.reset, seed=base.play.seed) if resets == 2 else Called()
-        sight = StartAndEnd(lab)
+        twice = session.call("reset", env.reset, seed=base.play.seed) if resets == 2 else Called()
+        sight = StartAndEnd(session)
         short = replace(base.play, actions=None, most_turns=SHORT)
-        played = lab.play(short, env, watch=sight.watch, state=False)
+        played = session.play(short, env, watch=sight.watch, state=False)
         sight.settle(env)
         raised = _words(twice.failed or _by_reset(played, base))
-        yield lab.fact(
+        yield session.fact(
             LaterReset(when=when, raised=raised, agents=sight.agents),
             field=f"reset {when}",
-            proof=begins(lab.api, resets, played.play.actions or ()),
+            proof=begins(session.api, resets, played.play.actions or ()),
         )
         if sight.first is not None and not before.is_over:
             ignored.append(sight.first == latest and sight.first != begun.first)
         before, latest = played, sight.last
     if ignored:
-        yield lab.fact(
+        yield session.fact(
             IgnoredResets(all(ignored)),
             field="ignored",
             proof=reproducer_of(reset_forgets, compares=True),
@@ -244,19 +248,19 @@ def _by_reset(played: EpisodeResult, base: EpisodeResult) -> FailedCall | None:
 
 
 def _dead_action(
-    lab: ProbeSession, env: Any, base: EpisodeResult, dead: list[int]
+    session: ProbeSession, env: Any, base: EpisodeResult, dead: list[int]
 ) -> Iterator[Saw]:
     """Result of an ended agent's action, at the first None turn of the episode."""
     actions = base.play.actions or ()
     if not dead:
         return
     turn = dead[0]
-    lab.play(cut(base.play, turn), env, state=False)
-    agent = lab.call("agent_selection", getattr, env, "agent_selection").value
+    session.play(cut(base.play, turn), env, state=False)
+    agent = session.call("agent_selection", getattr, env, "agent_selection").value
     own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
-    if own and is_dead(lab, env):
-        raised = _kind(lab.step(env, own[-1]).failed)
-        yield lab.fact(
+    if own and is_dead(session, env):
+        raised = _kind(session.step(env, own[-1]).failed)
+        yield session.fact(
             DeadAction(agent=agent, raised=raised),
             turn=turn,
             agent=agent,
@@ -265,12 +269,12 @@ def _dead_action(
         )
 
 
-def _iterated(lab: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
+def _iterated(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
     """`agent_iter` over the first turns of the play."""
     actions = (base.play.actions or ())[:SHORT]
     named: list[str] = []
     selected: list[str] = []
-    if lab.call("reset", env.reset, seed=base.play.seed).failed is not None or not actions:
+    if session.call("reset", env.reset, seed=base.play.seed).failed is not None or not actions:
         return
 
     def iterate() -> None:
@@ -280,14 +284,14 @@ def _iterated(lab: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]
             if len(named) > len(actions):
                 return
             env.last()
-            lab.meter.count()
+            session.meter.count()
             env.step(next(iter(actions[len(named) - 1].values()), None))
 
-    failed = lab.call("agent_iter", iterate).failed
-    left = lab.call("agents", getattr, env, "agents").value
+    failed = session.call("agent_iter", iterate).failed
+    left = session.call("agents", getattr, env, "agents").value
     if failed is None and (left or len(named) >= len(actions)):
         value = IteratedAgents(named=named, selected=selected, asked=len(actions))
-        yield lab.fact(
+        yield session.fact(
             value,
             turn=len(actions),
             field="agent_iter",
@@ -295,7 +299,7 @@ def _iterated(lab: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]
         )
 
 
-def _arguments(lab: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
+def _arguments(session: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
     """Resets with the arguments that every environment of PettingZoo takes."""
     seed = base.play.seed
     ways: dict[str, dict[str, Any]] = {
@@ -306,24 +310,24 @@ def _arguments(lab: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
     }
     raised: dict[str, str | None] = {}
     for words, named in ways.items():
-        lab.meter.count()
-        raised[words] = _words(lab.call("reset", env.reset, **named).failed)
-    return lab.fact(ResetArguments(raised), field="reset")
+        session.meter.count()
+        raised[words] = _words(session.call("reset", env.reset, **named).failed)
+    return session.fact(ResetArguments(raised), field="reset")
 
 
-def _closed(lab: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
+def _closed(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
     """Closes twice; with the first play also an instance that was never reset."""
     raised = {
-        when: _words(lab.call("close", env.close).failed) for when in ("after a reset", "twice")
+        when: _words(session.call("close", env.close).failed) for when in ("after a reset", "twice")
     }
-    if lab.number == 0:
-        raised["before any reset"] = _words(lab.call("close", lab.make().close).failed)
+    if session.number == 0:
+        raised["before any reset"] = _words(session.call("close", session.make().close).failed)
         for actions in (base.play.actions or ())[:1]:
-            called, gave = _step(lab, lab.make(), actions)
+            called, gave = _step(session, session.make(), actions)
             value = StepBeforeReset(raised=_kind(called.failed), gave=gave)
-            proof = goes_on(lab.api, actions, plays=False)
-            yield lab.fact(value, turn=1, field="unborn_step", proof=proof)
-    yield lab.fact(Closings(raised), field="close")
+            proof = goes_on(session.api, actions, plays=False)
+            yield session.fact(value, turn=1, field="unborn_step", proof=proof)
+    yield session.fact(Closings(raised), field="close")
 
 
 def _kind(failed: FailedCall | None) -> str | None:

@@ -41,10 +41,10 @@ def equal(one: Any, other: Any) -> bool:
     return to_json(one) == to_json(other)
 
 
-def affordable(lab: ProbeSession, turns: int, size_bytes: int = FILM_BYTES) -> int:
+def affordable(session: ProbeSession, turns: int, size_bytes: int = FILM_BYTES) -> int:
     """So many turns, or fewer where observations are large; eight at least."""
-    sizes = [_size(spec.observation_space) for spec in lab.agents.values()]
-    each = max(sizes, default=0) if lab.api == "aec" else sum(sizes)
+    sizes = [_size(spec.observation_space) for spec in session.agents.values()]
+    each = max(sizes, default=0) if session.api == "aec" else sum(sizes)
     return max(min(turns, size_bytes // max(each, 1)), LEAST_TURNS)
 
 

@@ -34,8 +34,8 @@ SURE: Final = 3
 KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
 
 
-@probe("written", share=0.8, plays=lambda lab: lab.long_plays(4, runs=3, most_turns=200))
-def written(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("written", share=0.8, plays=lambda session: session.long_plays(4, runs=3, most_turns=200))
+def written(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Values that were handed out, written into: does the game go another way?
 
     Plays the same actions while everything that was handed out is overwritten after each turn.
@@ -45,56 +45,60 @@ def written(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `WrittenValues`.
     """
-    base = lab.play(play, state=False)
+    base = session.play(play, state=False)
     if base.failed is not None:  # what it does then is for others to look at
         return
-    asked = next((kinds for kinds in (KINDS, KINDS[:-1]) if _bears(lab, base, kinds)), None)
+    asked = next((kinds for kinds in (KINDS, KINDS[:-1]) if _bears(session, base, kinds)), None)
     if asked is None:  # it differs by itself, or by being asked
         return
-    pen = _Pen(lab, asked, writes=True)
-    everything = _played(lab, base, pen)
+    pen = _Pen(session, asked, writes=True)
+    everything = _played(session, base, pen)
     kinds = [kind for kind in asked if pen.count.get(kind)]
-    if _first_divergence(lab, "", base, everything) is None:
+    if _first_divergence(session, "", base, everything) is None:
         for kind in kinds:
-            yield lab.fact(WrittenValues(writes=pen.count[kind], seen=None), field=kind)
+            yield session.fact(WrittenValues(writes=pen.count[kind], seen=None), field=kind)
         return
-    if not all(_bears(lab, base, asked) for _ in range(SURE)):  # it differs by itself, now and then
+    if not all(
+        _bears(session, base, asked) for _ in range(SURE)
+    ):  # it differs by itself, now and then
         return
     for kind in kinds:
-        yield _alone(lab, kind, base)
+        yield _alone(session, kind, base)
 
 
-def _bears(lab: ProbeSession, base: EpisodeResult, kinds: tuple[str, ...]) -> bool:
+def _bears(session: ProbeSession, base: EpisodeResult, kinds: tuple[str, ...]) -> bool:
     """True if the episode is the same with values read and not written: the unchanged rerun."""
-    unchanged_rerun = _played(lab, base, _Pen(lab, kinds, writes=False))
-    return _first_divergence(lab, "", base, unchanged_rerun) is None
+    unchanged_rerun = _played(session, base, _Pen(session, kinds, writes=False))
+    return _first_divergence(session, "", base, unchanged_rerun) is None
 
 
-def _played(lab: ProbeSession, base: EpisodeResult, pen: _Pen) -> EpisodeResult:
+def _played(session: ProbeSession, base: EpisodeResult, pen: _Pen) -> EpisodeResult:
     try:
-        if lab.api == "parallel":
-            return lab.play(base.play, watch=pen, state=False)
-        return lab.play(base.play, change=HandoutsOverwritten(pen), state=False)
+        if session.api == "parallel":
+            return session.play(base.play, watch=pen, state=False)
+        return session.play(base.play, change=HandoutsOverwritten(pen), state=False)
     finally:
         pen.undo.undo()  # an array of a module outlives its instance, and would spoil later plays
 
 
-def _alone(lab: ProbeSession, kind: str, base: EpisodeResult) -> Fact[WrittenValues]:
+def _alone(session: ProbeSession, kind: str, base: EpisodeResult) -> Fact[WrittenValues]:
     """Effect of overwriting one kind of value."""
-    pen = _Pen(lab, (kind,), writes=True)
-    played = _played(lab, base, pen)
-    found = _first_divergence(lab, kind, base, played)
+    pen = _Pen(session, (kind,), writes=True)
+    played = _played(session, base, pen)
+    found = _first_divergence(session, kind, base, played)
     if found is None:
-        return lab.fact(WrittenValues(writes=pen.count.get(kind, 0), seen=None), field=kind)
+        return session.fact(WrittenValues(writes=pen.count.get(kind, 0), seen=None), field=kind)
     seen = first_divergence_words(found)
     if played.failed is not None:
         seen = f"{played.failed.call} raises {played.failed.kind}: {played.failed.text}"
     value = WrittenValues(writes=pen.count.get(kind, 0), seen=seen)
-    return lab.fact(value, turn=env_steps_of(found), field=kind, proof=_proof(lab.api, kind))
+    return session.fact(
+        value, turn=env_steps_of(found), field=kind, proof=_proof(session.api, kind)
+    )
 
 
 def _first_divergence(
-    lab: ProbeSession, kind: str, base: EpisodeResult, other: EpisodeResult
+    session: ProbeSession, kind: str, base: EpisodeResult, other: EpisodeResult
 ) -> Divergence | None:
     """First divergence of the other episode from its base.
 
@@ -102,9 +106,9 @@ def _first_divergence(
     replace them: what is written into them is read there again, and that is no fault by itself.
     """
     one, two = base.trace, other.trace
-    if lab.api == "aec" and kind in ("", "infos", "masks"):
+    if session.api == "aec" and kind in ("", "infos", "masks"):
         one, two = _without_infos(one), _without_infos(two)
-    return lab.divergence(one, two)
+    return session.divergence(one, two)
 
 
 def _without_infos(trace: Episode) -> Episode:
@@ -120,7 +124,7 @@ def _without_infos(trace: Episode) -> Episode:
 class _Pen:
     """Writes into what was handed out, or only asks for it where it doesn't write."""
 
-    lab: ProbeSession
+    session: ProbeSession
     kinds: tuple[str, ...]
     writes: bool
     count: dict[str, int] = field(default_factory=dict)
@@ -134,9 +138,9 @@ class _Pen:
         """Writes into `parts`, of which the first are observations and the last infos."""
         for kind in self.kinds:
             if kind == "state":
-                value = self.lab.call("state", methodcaller("state"), env).value
+                value = self.session.call("state", methodcaller("state"), env).value
             elif kind == "dictionaries":
-                value = parts if self.lab.api == "parallel" else []
+                value = parts if self.session.api == "parallel" else []
             else:
                 value = _of_kind(kind, parts)
             if self.writes:
@@ -169,7 +173,7 @@ class _BeforeSteps(Hooks):
 
     def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
         """Looks once more, and writes into that: no look comes between it and the step."""
-        last = self._pen.lab.call("last", self._env.last).value  # type: ignore[attr-defined]
+        last = self._pen.session.call("last", self._env.last).value  # type: ignore[attr-defined]
         self._pen.write(self._env, list(last) if isinstance(last, tuple) else [])
         return actions
 

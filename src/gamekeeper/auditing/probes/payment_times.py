@@ -34,7 +34,7 @@ RARE: Final = 0.34
 
 
 @probe("payment_times", share=0.0, on_top=0.3, plays=short_plays, tries=4)
-def payment_times(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def payment_times(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Other actions in the tick that paid something unusual, and in the tick before it.
 
     A reward is looked into that lies far from what its agent gets in most steps. If no
@@ -44,15 +44,15 @@ def payment_times(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `PaymentTime`.
     """
-    env = lab.env()
-    base = lab.play(play, env, state=False)
-    begun = lab.meter.steps
+    env = session.env()
+    base = session.play(play, env, state=False)
+    begun = session.meter.steps
     for turn, agent, amount in _unusual(base.trace):
-        if lab.meter.steps - begun > lab.ration // 2:
+        if session.meter.steps - begun > session.ration // 2:
             return
-        value = _timed(lab, env, base, turn, agent, amount)
+        value = _timed(session, env, base, turn, agent, amount)
         if value is not None:
-            yield lab.fact(value, turn=turn.index, agent=agent, field="rewards")
+            yield session.fact(value, turn=turn.index, agent=agent, field="rewards")
 
 
 def _unusual(trace: Episode) -> Iterator[tuple[Turn, str, float]]:
@@ -89,11 +89,11 @@ class _Replay:
 
 
 def _replayed(
-    lab: ProbeSession, env: Any, plan: EpisodePlan, change: ReplacedAction | None = None
+    session: ProbeSession, env: Any, plan: EpisodePlan, change: ReplacedAction | None = None
 ) -> _Replay | None:
     """The play once more, with one action replaced; None where it failed."""
     with held():
-        played = lab.play(plan, env, change=change, hold=False, state=False)
+        played = session.play(plan, env, change=change, hold=False, state=False)
         drawn = [state_of(each) for each in generators(env)]
     if played.failed is not None:
         return None
@@ -101,18 +101,18 @@ def _replayed(
 
 
 def _timed(
-    lab: ProbeSession, env: Any, base: EpisodeResult, turn: Turn, payee: str, amount: float
+    session: ProbeSession, env: Any, base: EpisodeResult, turn: Turn, payee: str, amount: float
 ) -> PaymentTime | None:
     """The tick that decided a payment, as far as it can be told."""
     paid, enough = turn.index, abs(amount) / 2
-    ahead = 1 if lab.api == "parallel" else len(lab.agents) + 1
+    ahead = 1 if session.api == "parallel" else len(session.agents) + 1
     plan = cut(base.play, paid + ahead)
-    one = _replayed(lab, env, plan)
+    one = _replayed(session, env, plan)
     if one is None or one.reward(paid, payee) != turn.rewards.get(payee, 0.0):
         return None
     own = last_acts(base.trace, paid)
     tried: list[tuple[int, str, Any]] = []
-    for agent, then, action, two in _alternatives(lab, env, base, plan, own):
+    for agent, then, action, two in _alternatives(session, env, base, plan, own):
         tried.append((then, agent, action))
         if abs(two.reward(paid, payee) - one.reward(paid, payee)) >= enough:
             return PaymentTime(payee, amount, tuple(tried), is_on_time=True)
@@ -123,7 +123,7 @@ def _timed(
         for agent, then in own.items()
         if agent in (found := last_acts(base.trace, then.index - 1))
     }
-    for agent, then, action, two in _alternatives(lab, env, base, plan, before):
+    for agent, then, action, two in _alternatives(session, env, base, plan, before):
         is_moved = abs(two.reward(paid, payee) - one.reward(paid, payee)) >= enough
         at_once = any(
             abs(two.reward(at, name) - one.reward(at, name)) >= enough
@@ -142,14 +142,14 @@ def _timed(
 
 
 def _alternatives(
-    lab: ProbeSession, env: Any, base: EpisodeResult, plan: EpisodePlan, acts: dict[str, Turn]
+    session: ProbeSession, env: Any, base: EpisodeResult, plan: EpisodePlan, acts: dict[str, Turn]
 ) -> Iterator[tuple[str, int, Any, _Replay]]:
     """Reruns with another action of each agent, as long as the same agents act."""
     for agent, then in acts.items():
-        one = other(lab, agent, then.actions[agent], then.masks.get(agent), then.index)
-        for action in others(lab, agent, then) or [one[1]] * one[0]:
+        one = other(session, agent, then.actions[agent], then.masks.get(agent), then.index)
+        for action in others(session, agent, then) or [one[1]] * one[0]:
             change = ReplacedAction(then.index, own_name(base, agent), action)
-            two = _replayed(lab, env, plan, change)
+            two = _replayed(session, env, plan, change)
             orders = [] if two is None else [turn.order for turn in two.turns.values()]
             same = [turn.order for turn in base.trace.turns[: len(orders)]]
             if two is not None and orders[:-1] == same[:-1]:

@@ -22,8 +22,10 @@ RESETS: Final = 12
 """Resets without a seed that must agree before one of them is compared with another play."""
 
 
-@probe("extra_calls", share=1.0, plays=lambda lab: lab.long_plays(3, runs=7, most_turns=200))
-def extra_calls(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe(
+    "extra_calls", share=1.0, plays=lambda session: session.long_plays(3, runs=7, most_turns=200)
+)
+def extra_calls(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Calls that only look are made more often: does the game go another way?
 
     Plays the same actions with calls in between, all kinds at once.
@@ -37,16 +39,16 @@ def extra_calls(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `OfferedCalls`, `RepeatedLast`.
     """
-    base = lab.play(play, state=False)
+    base = session.play(play, state=False)
     if play.actions is None:  # policies ask for spaces, a play on paper doesn't
-        base = lab.play(base.play, state=False)
-    env = lab.env()
-    unchanged_rerun = lab.play(base.play, env, state=False)
-    kinds = _offered(lab, env, play)
-    yield lab.fact(OfferedCalls(list(kinds)))
-    if lab.api == "aec":
-        yield _asked_twice(lab, base.play)
-    counterfactual = lab.counterfactual(base, unchanged_rerun, ExtraCalls(kinds), state=False)
+        base = session.play(base.play, state=False)
+    env = session.env()
+    unchanged_rerun = session.play(base.play, env, state=False)
+    kinds = _offered(session, env, play)
+    yield session.fact(OfferedCalls(list(kinds)))
+    if session.api == "aec":
+        yield _asked_twice(session, base.play)
+    counterfactual = session.counterfactual(base, unchanged_rerun, ExtraCalls(kinds), state=False)
     if (
         counterfactual.noise is not None or base.failed is not None
     ):  # it differs, or breaks off, by itself
@@ -54,49 +56,52 @@ def extra_calls(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     yield counterfactual
     if counterfactual.divergence is not None:
         for kind in kinds:
-            yield lab.counterfactual(base, unchanged_rerun, ExtraCalls((kind,)), state=False)
+            yield session.counterfactual(base, unchanged_rerun, ExtraCalls((kind,)), state=False)
         return
-    if _resets_differ(lab, base.play):
+    if _resets_differ(session, base.play):
         return
-    beside = _next(lab, base, None), _next(lab, base, None)
-    after = _next_counterfactual(lab, base, beside, kinds)
+    beside = _next(session, base, None), _next(session, base, None)
+    after = _next_counterfactual(session, base, beside, kinds)
     if after.noise is not None:  # resets without a seed differ by themselves
         return
     yield after
     if after.divergence is not None:
         for kind in kinds:
-            yield _next_counterfactual(lab, base, beside, (kind,))
+            yield _next_counterfactual(session, base, beside, (kind,))
 
 
-def _resets_differ(lab: ProbeSession, play: EpisodePlan) -> bool:
+def _resets_differ(session: ProbeSession, play: EpisodePlan) -> bool:
     """Tells whether resets without a seed draw from the system, so that each is another.
 
     Where few openings are possible, two of them agree by chance: several are compared.
     """
     openings: list[Episode] = []
     for _ in range(RESETS):
-        env = lab.env()
-        lab.play(replace(play, actions=()), env, state=False)
-        openings.append(lab.play(EpisodePlan(seed=None, actions=()), env, state=False).trace)
-    return any(lab.divergence(openings[0], other) is not None for other in openings[1:])
+        env = session.env()
+        session.play(replace(play, actions=()), env, state=False)
+        openings.append(session.play(EpisodePlan(seed=None, actions=()), env, state=False).trace)
+    return any(session.divergence(openings[0], other) is not None for other in openings[1:])
 
 
-def _next(lab: ProbeSession, base: EpisodeResult, change: Intervention | None) -> Episode:
+def _next(session: ProbeSession, base: EpisodeResult, change: Intervention | None) -> Episode:
     """Episode after a reset without a seed, in an instance that played one before."""
-    env = lab.env()
-    lab.play(base.play, env, change=change, state=False)
-    return lab.play(EpisodePlan(seed=None, actions=()), env, state=False).trace
+    env = session.env()
+    session.play(base.play, env, change=change, state=False)
+    return session.play(EpisodePlan(seed=None, actions=()), env, state=False).trace
 
 
 def _next_counterfactual(
-    lab: ProbeSession, base: EpisodeResult, beside: tuple[Episode, Episode], kinds: tuple[str, ...]
+    session: ProbeSession,
+    base: EpisodeResult,
+    beside: tuple[Episode, Episode],
+    kinds: tuple[str, ...],
 ) -> ProbeCounterfactual:
     change = ExtraCalls(kinds)
     about = {**change.to_json(), "next": len(base.play.actions or ())}
-    return lab.beside(*beside, _next(lab, base, change), about)
+    return session.beside(*beside, _next(session, base, change), about)
 
 
-def _asked_twice(lab: ProbeSession, play: EpisodePlan) -> Saw:
+def _asked_twice(session: ProbeSession, play: EpisodePlan) -> Saw:
     """Tells whether `last()` gives the same reward and flags when it is called again."""
     looks, told, at = 0, None, None
 
@@ -104,28 +109,30 @@ def _asked_twice(lab: ProbeSession, play: EpisodePlan) -> Saw:
         nonlocal looks, told, at
         if told is not None or not env.agents:
             return
-        both = [lab.call("last", env.last).value for _ in range(2)]
+        both = [session.call("last", env.last).value for _ in range(2)]
         if all(isinstance(each, tuple) and len(each) == 5 for each in both):
             looks += 1
             first, second = ([snapshot(item) for item in each[1:4]] for each in both)
             if not is_same(second, first):
                 told, at = (first, second), turn
 
-    lab.play(play, watch=watch, state=False)
-    return lab.fact(RepeatedLast(looks=looks, told=told), turn=at, field="twice")
+    session.play(play, watch=watch, state=False)
+    return session.fact(RepeatedLast(looks=looks, told=told), turn=at, field="twice")
 
 
-def _offered(lab: ProbeSession, env: Any, play: EpisodePlan) -> tuple[str, ...]:
+def _offered(session: ProbeSession, env: Any, play: EpisodePlan) -> tuple[str, ...]:
     """The kinds of calls that this environment answers after a reset; it isn't played on."""
-    if lab.call("reset", env.reset, seed=play.seed).failed is not None:
+    if session.call("reset", env.reset, seed=play.seed).failed is not None:
         return ()
     found = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for kind, call in CALLS.items():
-            if (kind in ONLY_AEC and lab.api != "aec") or (kind == "render" and _on_screen(env)):
+            if (kind in ONLY_AEC and session.api != "aec") or (
+                kind == "render" and _on_screen(env)
+            ):
                 continue
-            if lab.call(kind, call, env).failed is None:
+            if session.call(kind, call, env).failed is None:
                 found.append(kind)
     return tuple(found)
 

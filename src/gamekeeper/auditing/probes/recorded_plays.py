@@ -37,13 +37,13 @@ SHORT_PLAYS: Final = 16
 """Further episodes, where the first ones ended early and left steps to spend."""
 
 
-def _rollout_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _rollout_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """First a few that may be long, then more while there are steps left."""
-    return lab.plays_of([max(lab.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
+    return session.plays_of([max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
 
 
 @probe("rollout", share=6.0, plays=_rollout_plays)
-def rollout(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rollouts from several seeds with random legal actions, long enough to see endings.
 
     The trace, and what raised.
@@ -57,24 +57,24 @@ def rollout(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     def watch(turn: int, env: Any, out: Any) -> None:
         agents = env.agents
         rosters.append([agent_name(agent) for agent in agents])
-        if lab.api == "aec" and agents:
+        if session.api == "aec" and agents:
             chosen = getattr(env, "agent_selection", None)
             selected.append((None if chosen is None else agent_name(chosen), chosen in agents))
 
-    env = lab.env()
-    played = lab.play(play, env, watch=watch)
+    env = session.env()
+    played = session.play(play, env, watch=watch)
     yield played.trace
-    yield from _states(lab, space_of(lab, env), played.trace)
-    yield lab.fact(TurnRosters(rosters), field="agents")
-    if lab.api == "aec":
-        yield lab.fact(SelectedAgents(selected), field="agent_selection")
+    yield from _states(session, space_of(session, env), played.trace)
+    yield session.fact(TurnRosters(rosters), field="agents")
+    if session.api == "aec":
+        yield session.fact(SelectedAgents(selected), field="agent_selection")
     if played.failed is not None:
         failed = played.failed
         raised = RaisedCall(failed.call, failed.kind, failed.text, failed.traceback)
-        yield lab.fact(raised, turn=failed.turn, field="raised")
+        yield session.fact(raised, turn=failed.turn, field="raised")
 
 
-def _states(lab: ProbeSession, space: Space[Any] | None, trace: Episode) -> Iterator[Saw]:
+def _states(session: ProbeSession, space: Space[Any] | None, trace: Episode) -> Iterator[Saw]:
     """The forms of state() in a play; rare ones are met in long plays alone."""
     forms: dict[str, StateAnswer] = {}
     for turn in trace.turns if trace.states is not None else ():
@@ -82,19 +82,19 @@ def _states(lab: ProbeSession, space: Space[Any] | None, trace: Episode) -> Iter
             form = form_of(turn.index, turn.state, space)
             forms.setdefault(str(replace(form, turn=0)), form)
     if forms:
-        yield lab.fact(StateForms(answers=list(forms.values())), field="state")
+        yield session.fact(StateForms(answers=list(forms.values())), field="state")
 
 
 MOST_TURNS: Final = 60
 
 
-def _evidence_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _evidence_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Two; each played, played again, and replayed from its evidence."""
-    yield from lab.plays(2, runs=3, most_turns=affordable(lab, MOST_TURNS))
+    yield from session.plays(2, runs=3, most_turns=affordable(session, MOST_TURNS))
 
 
 @probe("evidence", share=0.5, plays=_evidence_plays)
-def evidence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """A play recorded, and played again from nothing but its evidence.
 
     A play, the same again, and what its evidence alone gives.
@@ -105,35 +105,39 @@ def evidence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `AgentNames`, `UnwrittenActions`.
     """
-    env = lab.env()
+    env = session.env()
     names: dict[Any, list[str]] = {}
 
     def watch(turn: int, env: Any, out: Any) -> None:
         for agent in [*(getattr(env, "possible_agents", None) or ()), *env.agents]:
             names.setdefault(agent, [str(agent), type(agent).__name__])
 
-    base = lab.play(play, env, watch=watch)
-    yield lab.fact(AgentNames(list(names.values())), field="agents")
+    base = session.play(play, env, watch=watch)
+    yield session.fact(AgentNames(list(names.values())), field="agents")
     if base.failed is not None or len({text for text, _ in names.values()}) < len(names):
         return
-    unchanged_rerun = lab.play(base.play)
-    again = _replayed(lab, base.trace, lab.env(), {agent_name(agent): agent for agent in names})
+    unchanged_rerun = session.play(base.play)
+    again = _replayed(
+        session, base.trace, session.env(), {agent_name(agent): agent for agent in names}
+    )
     if isinstance(again, Episode):
-        yield lab.beside(base.trace, unchanged_rerun.trace, again, {"change": "Replayed"})
+        yield session.beside(base.trace, unchanged_rerun.trace, again, {"change": "Replayed"})
     else:
-        yield lab.fact(UnwrittenActions(again), turn=0, field="actions")
+        yield session.fact(UnwrittenActions(again), turn=0, field="actions")
 
 
-def _replayed(lab: ProbeSession, trace: Episode, env: Any, agents: dict[str, Any]) -> Episode | str:
+def _replayed(
+    session: ProbeSession, trace: Episode, env: Any, agents: dict[str, Any]
+) -> Episode | str:
     """The trace of a replay; what was said where an action couldn't be built from its text."""
-    declared: Contract = lab.contract
+    declared: Contract = session.contract
     sink = MemorySink(terms=tuple(declared.rewards), volatile=declared.volatile_infos())
     capture = capture_of(env, sink=sink)
     capture.episode = trace.episode - 1
-    lab.meter.count(RESET_STEPS)
-    count = lab.meter.count
+    session.meter.count(RESET_STEPS)
+    count = session.meter.count
     with held():  # as the play itself was: generators of the whole process are for other probes
-        done = lab.call("replay", replay_trace, trace, capture, agents=agents, after_turn=count)
+        done = session.call("replay", replay_trace, trace, capture, agents=agents, after_turn=count)
     if done.failed is not None:
         return done.failed.text
     return sink.episode()

@@ -46,13 +46,13 @@ NEEDS_MORE: Final = re.compile(
 """Words of messages about a missing screen or package, which is no fault of the env."""
 
 
-def _render_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _render_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Two; each is played a handful of times."""
-    yield from lab.plays(2, runs=7, most_turns=affordable(lab, MOST_TURNS))
+    yield from session.plays(2, runs=7, most_turns=affordable(session, MOST_TURNS))
 
 
 @probe("render", share=1.5, plays=_render_plays)
-def render(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Every render mode but "human": built, played and filmed beside the play without a camera.
 
     A mode's instance beside the plain one, and a film beside the same without a camera.
@@ -64,26 +64,28 @@ def render(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `BuiltMode`, `FilmedPlay`, `ChangedFrames`, `WrittenFrames`, `FirstFrame`, `SecondFrame`.
     """
     with _screenless():
-        env = lab.env()
+        env = session.env()
         own = getattr(env, "render_mode", None)
         metadata = getattr(env, "metadata", None)
-        base = lab.play(play, env)
+        base = session.play(play, env)
         if base.failed is not None and play.actions is not None:
             return  # a shorter play that breaks off shows another thing
-        unchanged_rerun = lab.play(base.play)
-        takes = lab.can_make and lab.call("make", lab.make, render_mode=None).failed is None
+        unchanged_rerun = session.play(base.play)
+        takes = (
+            session.can_make and session.call("make", session.make, render_mode=None).failed is None
+        )
         if takes and own is not None:
-            still = lab.play(base.play, lab.make(render_mode=None)).trace
+            still = session.play(base.play, session.make(render_mode=None)).trace
             change = {"change": "RenderMode", "mode": None}
-            yield lab.beside(base.trace, unchanged_rerun.trace, still, change)
+            yield session.beside(base.trace, unchanged_rerun.trace, still, change)
         for mode in _modes(metadata, own):
             yield from _mode(
-                lab, mode, own=own, takes=takes, base=base, unchanged_rerun=unchanged_rerun
+                session, mode, own=own, takes=takes, base=base, unchanged_rerun=unchanged_rerun
             )
 
 
 def _mode(
-    lab: ProbeSession,
+    session: ProbeSession,
     mode: str,
     *,
     own: Any,
@@ -95,52 +97,52 @@ def _mode(
     options = {} if is_own else {"render_mode": mode}
 
     def built() -> Called:
-        return Called(lab.env()) if is_own else lab.call("make", lab.make, **options)
+        return Called(session.env()) if is_own else session.call("make", session.make, **options)
 
     about = BuiltMode(mode, takes or is_own, is_own, options, None, False, None)
     if not (takes or is_own):
-        yield lab.fact(about)
+        yield session.fact(about)
         return
     made = built()
     said = None if made.failed is None else _first_line(made.failed.text)
     shown = getattr(made.value, "render_mode", None)
-    yield lab.fact(replace(about, failed=said, is_missing=_is_missing(said), shown=shown))
+    yield session.fact(replace(about, failed=said, is_missing=_is_missing(said), shown=shown))
     if made.failed is not None:
         return
     still = base
     if not is_own:
-        still = lab.play(base.play, made.value)
+        still = session.play(base.play, made.value)
         change = {"change": "RenderMode", "mode": mode}
-        yield lab.beside(base.trace, unchanged_rerun.trace, still.trace, change)
+        yield session.beside(base.trace, unchanged_rerun.trace, still.trace, change)
         made = built()
-    camera = Camera(lab)
-    filmed = lab.play(base.play, made.value, watch=camera)
+    camera = Camera(session)
+    filmed = session.play(base.play, made.value, watch=camera)
     change = {"change": "Rendered", "mode": mode}
-    yield lab.beside(still.trace, unchanged_rerun.trace, filmed.trace, change)
-    yield lab.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
-    yield lab.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
-    if lab.divergence(base.trace, unchanged_rerun.trace) is None:
-        yield from _looked_twice(lab, about, base.play, made.value)
+    yield session.beside(still.trace, unchanged_rerun.trace, filmed.trace, change)
+    yield session.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
+    yield session.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
+    if session.divergence(base.trace, unchanged_rerun.trace) is None:
+        yield from _looked_twice(session, about, base.play, made.value)
     turns = len(base.play.actions or ())
     last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
     for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
-        late = Camera(lab, first=first)
-        again = lab.play(base.play, built().value, watch=late)
-        is_same = lab.divergence(filmed.trace, again.trace) is None
+        late = Camera(session, first=first)
+        again = session.play(base.play, built().value, watch=late)
+        is_same = session.divergence(filmed.trace, again.trace) is None
         for shot in late.shots[:1] if is_same else ():
-            yield lab.fact(FirstFrame(mode, options, first, shot.digest))
-    pen = Pen(lab)
-    lab.play(cut(base.play, WRITTEN_TURNS), built().value, watch=pen)
-    yield lab.fact(WrittenFrames(mode, options, pen.turns, pen.count))
+            yield session.fact(FirstFrame(mode, options, first, shot.digest))
+    pen = Pen(session)
+    session.play(cut(base.play, WRITTEN_TURNS), built().value, watch=pen)
+    yield session.fact(WrittenFrames(mode, options, pen.turns, pen.count))
 
 
 def _looked_twice(
-    lab: ProbeSession, about: BuiltMode, play: EpisodePlan, env: Any
+    session: ProbeSession, about: BuiltMode, play: EpisodePlan, env: Any
 ) -> Iterator[Saw]:
     """The first frame of a second episode in the instance that was filmed."""
-    if lab.call("reset", env.reset, seed=play.seed, options=play.options).failed is None:
-        digest = _digest(lab.call("render", env.render).value)
-        yield lab.fact(SecondFrame(about.mode, about.options, digest))
+    if session.call("reset", env.reset, seed=play.seed, options=play.options).failed is None:
+        digest = _digest(session.call("render", env.render).value)
+        yield session.fact(SecondFrame(about.mode, about.options, digest))
 
 
 def _since(shots: list[Shot], turn: int) -> int:
@@ -154,16 +156,16 @@ def _since(shots: list[Shot], turn: int) -> int:
 class Camera:
     """Renders after the reset and after every step, from turn `first` on."""
 
-    def __init__(self, lab: ProbeSession, first: int = 0) -> None:
+    def __init__(self, session: ProbeSession, first: int = 0) -> None:
         self.shots: list[Shot] = []
         self.kept: list[tuple[int, Any, str]] = []
-        self._lab, self._first, self._bytes = lab, first, 0
+        self._session, self._first, self._bytes = session, first, 0
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """One frame."""
         if turn < self._first:
             return
-        called = self._lab.call("render", env.render)
+        called = self._session.call("render", env.render)
         shot = _shot(turn, called, over=not env.agents)
         self.shots.append(shot)
         self._bytes += sum(frame.nbytes for frame in _arrays(called.value))
@@ -178,14 +180,14 @@ class Camera:
 class Pen:
     """Writes into the frames of a moment, and looks whether the next frame of it shows that."""
 
-    def __init__(self, lab: ProbeSession) -> None:
+    def __init__(self, session: ProbeSession) -> None:
         self.turns: list[int] = []
         self.count = 0
-        self._lab = lab
+        self._session = session
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """Two frames of one moment, which agree; a third after writing into them."""
-        frames = [_arrays(self._lab.call("render", env.render).value) for _ in range(2)]
+        frames = [_arrays(self._session.call("render", env.render).value) for _ in range(2)]
         before = [[array.copy() for array in each] for each in frames]
         if not before[0] or _digest(before[0]) != _digest(before[1]):
             return
@@ -195,7 +197,7 @@ class Pen:
         for array, old in pairs:  # both frames may be one array
             array[...] = _scribble(old)
         self.count += 1
-        after = _arrays(self._lab.call("render", env.render).value)
+        after = _arrays(self._session.call("render", env.render).value)
         if _is_shown(before[0], after):
             self.turns.append(turn)
 

@@ -32,15 +32,17 @@ LAGS: Final = 2
 MOST_LATER: Final = 12
 
 
-def _influence_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _influence_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Plays of several lengths; in AEC environments as many rounds."""
-    scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
+    scale = max(len(session.agents), 1) if session.api == "aec" else 1
     lengths = islice(cycle(LENGTHS), INFLUENCE_MOST_PLAYS)
-    return lab.plays_of(min(each * min(scale, 8), max(lab.ration // 8, 8)) for each in lengths)
+    return session.plays_of(
+        min(each * min(scale, 8), max(session.ration // 8, 8)) for each in lengths
+    )
 
 
 @probe("influence", share=3.0, plays=_influence_plays, tries=8)
-def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """One action replaced at one turn by another legal one, everybody else's as they were.
 
     What differs from a rerun with nothing changed is that action's doing, though it may work
@@ -49,41 +51,41 @@ def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     A counterfactual for each replaced action, cut a few turns after it; their unchanged rerun is
     one and the same.
     """
-    env = lab.env()
-    base = lab.play(play, env, state=False)
+    env = session.env()
+    base = session.play(play, env, state=False)
     spots = [turn for turn in base.trace.turns if _influence_movers(turn)]
     if not spots:
         return
-    unchanged_rerun = lab.play(base.play, env, state=False)
-    volatile = lab.contract.volatile_infos()
+    unchanged_rerun = session.play(base.play, env, state=False)
+    volatile = session.contract.volatile_infos()
     if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is not None:
-        lab.unlike[:] = lab.unlike or [base.play]
+        session.unlike[:] = session.unlike or [base.play]
     step = max(len(spots) // TRIALS, 1)
     offset = play.stream % step
     for place, turn in enumerate(spots[offset::step][: TRIALS + 1]):
         movers = _influence_movers(turn)
         agent = movers[(place + play.stream) % len(movers)]
         mask = turn.masks.get(agent)
-        found, action = other(lab, agent, turn.actions[agent], mask, turn.index)
+        found, action = other(session, agent, turn.actions[agent], mask, turn.index)
         if not found:
             continue
-        later = LAGS if lab.api == "parallel" else min(LAGS * len(lab.agents), MOST_LATER)
+        later = LAGS if session.api == "parallel" else min(LAGS * len(session.agents), MOST_LATER)
         # in AEC what comes of the last step is only seen by whoever is asked next
-        trial = replace(base, play=cut(base.play, turn.index + 1 + later + (lab.api == "aec")))
+        trial = replace(base, play=cut(base.play, turn.index + 1 + later + (session.api == "aec")))
         change = ReplacedAction(turn.index, own_name(base, agent), action)
-        counterfactual = lab.counterfactual(trial, unchanged_rerun, change, env, state=False)
-        legal_for = _legal_for(lab, counterfactual.trace, turn.index, later)
+        counterfactual = session.counterfactual(trial, unchanged_rerun, change, env, state=False)
+        legal_for = _legal_for(session, counterfactual.trace, turn.index, later)
         yield replace(
             counterfactual, change={**counterfactual.change, "agent": agent, "later": legal_for}
         )
 
 
-def _legal_for(lab: ProbeSession, trace: Episode, start: int, later: int) -> int:
+def _legal_for(session: ProbeSession, trace: Episode, start: int, later: int) -> int:
     """Turns after `start` up to which masks allow what stands on paper, `later` at most."""
     for turn in trace.turns:
         if start < turn.index <= start + later:
             for agent, mask in turn.masks.items():
-                space, action = lab.space_of(agent), turn.actions.get(agent)
+                space, action = session.space_of(agent), turn.actions.get(agent)
                 if action is None or not isinstance(space, Discrete):
                     continue
                 if int(action) not in legal(space, mask):
@@ -96,15 +98,15 @@ def _influence_movers(turn: Turn) -> list[str]:
     return [agent for agent in turn.order if turn.actions.get(agent) is not None]
 
 
-def other(lab: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:
+def other(session: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:
     """Another legal action, if one is found."""
-    space = lab.space_of(agent)
+    space = session.space_of(agent)
     rng = np.random.default_rng([13, turn])
     if isinstance(space, Discrete):
         return other_action(space, mask, action, rng)
     if space is None or mask is not None:
         return False, None
-    own = lab.call("deepcopy", copy.deepcopy, space)
+    own = session.call("deepcopy", copy.deepcopy, space)
     if own.failed is not None:
         return False, None
     own.value.seed(int(rng.integers(1 << 31)))
@@ -135,18 +137,18 @@ def paid(contract: Contract, turn: Turn, agent: str, term: str) -> float:
     return turn.rewards.get(agent, 0.0) if len(contract.rewards) == 1 else 0.0
 
 
-def short_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def short_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Plays of few rounds."""
-    scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
-    return lab.plays_of([TURNS * scale] * MOST_PLAYS)
+    scale = max(len(session.agents), 1) if session.api == "aec" else 1
+    return session.plays_of([TURNS * scale] * MOST_PLAYS)
 
 
 @probe(
     "alternatives",
     share=1.0,
-    plays=lambda lab: short_plays(lab) if individual_terms(lab.contract) else iter(()),
+    plays=lambda session: short_plays(session) if individual_terms(session.contract) else iter(()),
 )
-def alternatives(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def alternatives(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Other actions of each agent at the turn that paid a declared individual term.
 
     Only where the contract declares a term that is paid to its earner; else it costs nothing.
@@ -156,27 +158,27 @@ def alternatives(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `Payment`.
     """
-    env = lab.env()
-    base = lab.play(play, env, state=False)
-    begun = lab.meter.steps
+    env = session.env()
+    base = session.play(play, env, state=False)
+    begun = session.meter.steps
     looked: dict[tuple[str, bool], int] = {}
     for turn in base.trace.turns:
-        for term in individual_terms(lab.contract):
+        for term in individual_terms(session.contract):
             for agent in turn.agents:
-                amount = paid(lab.contract, turn, agent, term)
+                amount = paid(session.contract, turn, agent, term)
                 key = term, amount > 0
                 if amount == 0 or looked.get(key, 0) >= EVENTS:
                     continue
-                if lab.meter.steps - begun > lab.ration:
+                if session.meter.steps - begun > session.ration:
                     return
                 looked[key] = looked.get(key, 0) + 1
-                movers = _alternatives_movers(lab, env, base, turn, agent, term, amount)
+                movers = _alternatives_movers(session, env, base, turn, agent, term, amount)
                 value = Payment(term=term, agent=agent, amount=amount, movers=movers)
-                yield lab.fact(value, turn=turn.index, agent=agent, field="rewards")
+                yield session.fact(value, turn=turn.index, agent=agent, field="rewards")
 
 
 def _alternatives_movers(
-    lab: ProbeSession,
+    session: ProbeSession,
     env: Any,
     base: EpisodeResult,
     turn: Turn,
@@ -189,14 +191,14 @@ def _alternatives_movers(
     short = cut(base.play, turn.index + 1)
     for agent, then in last_acts(base.trace, turn.index).items():
         tried, instead = 0, None
-        for action in others(lab, agent, then):
+        for action in others(session, agent, then):
             change = ReplacedAction(then.index, own_name(base, agent), action)
-            counterfactual = lab.play(short, env, change=change, state=False)
+            counterfactual = session.play(short, env, change=change, state=False)
             if counterfactual.failed is not None:
                 continue
             tried += 1
             after = next((t for t in counterfactual.trace.turns if t.index == turn.index), None)
-            now = 0.0 if after is None else paid(lab.contract, after, payee, term)
+            now = 0.0 if after is None else paid(session.contract, after, payee, term)
             if abs(now) < abs(amount) and instead is None:
                 instead = action
         found[agent] = MoverTrial(then.index, tried, instead)
@@ -213,9 +215,9 @@ def last_acts(trace: Episode, turn: int) -> dict[str, Turn]:
     return found
 
 
-def others(lab: ProbeSession, agent: str, turn: Turn) -> list[Any]:
+def others(session: ProbeSession, agent: str, turn: Turn) -> list[Any]:
     """Other legal actions of the agent at that turn, a few; none where they aren't Discrete."""
-    space = lab.space_of(agent)
+    space = session.space_of(agent)
     if not isinstance(space, Discrete):
         return []
     own = int(turn.actions[agent])

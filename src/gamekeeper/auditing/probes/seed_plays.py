@@ -35,8 +35,8 @@ OTHERWISE: Final = 90_127
 """Seed of the global generators in the play that starts them elsewhere."""
 
 
-@probe("same_seed", share=1.5, plays=lambda lab: lab.plays(PLAYS, runs=3))
-def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("same_seed", share=1.5, plays=lambda session: session.plays(PLAYS, runs=3))
+def same_seed(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The same seed and actions once more, in a second instance where one can be had.
 
     The play and its counterfactual; generators of the whole process start from the same state.
@@ -45,30 +45,30 @@ def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     in the first play also `empty options`, whose unchanged
     rerun is that, and `the time of day`, where nothing else made a difference.
     """
-    base = lab.fresh(play)
-    again = lab.fresh(base.play)
-    same = lab.beside(base.trace, base.trace, again.trace, {"change": "nothing"})
+    base = session.fresh(play)
+    again = session.fresh(base.play)
+    same = session.beside(base.trace, base.trace, again.trace, {"change": "nothing"})
     yield same
     if same.divergence is None:
         with held(OTHERWISE):
-            elsewhere = lab.play(base.play, lab.env(), hold=False)
+            elsewhere = session.play(base.play, session.env(), hold=False)
         change: dict[str, Any] = {"change": "the global generators"}
-        yield lab.beside(base.trace, again.trace, elsewhere.trace, change)
-    if lab.number == 0 and same.divergence is None:
+        yield session.beside(base.trace, again.trace, elsewhere.trace, change)
+    if session.number == 0 and same.divergence is None:
         for seconds in LATER_S:
             with held(), later(seconds):
-                other = lab.play(base.play, lab.env())
+                other = session.play(base.play, session.env())
             change = {"change": "the time of day", "later_s": seconds}
-            moved = lab.beside(base.trace, again.trace, other.trace, change)
+            moved = session.beside(base.trace, again.trace, other.trace, change)
             yield moved
             if moved.divergence is not None:
                 break
-    if lab.number == 0 and play.options is None:
+    if session.number == 0 and play.options is None:
         short = replace(base.play, options={}, actions=(base.play.actions or ())[:1])
-        empty = lab.fresh(short)
+        empty = session.fresh(short)
         if empty.failed is None:  # a reset that refuses options is another promise
-            none = lab.fresh(replace(short, options=None)).trace
-            yield lab.beside(none, none, empty.trace, {"change": "empty options"})
+            none = session.fresh(replace(short, options=None)).trace
+            yield session.beside(none, none, empty.trace, {"change": "empty options"})
 
 
 SPECIAL_SEEDS: Final = (0, 2**31 - 1)
@@ -79,18 +79,18 @@ AGAIN: Final = 4
 """Further plays of a seed: where few openings are possible, two are often equal by chance."""
 
 
-def _special_seeds_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _special_seeds_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """One for each of the seeds."""
     for seed, play in zip(
         SPECIAL_SEEDS,
-        lab.plays(len(SPECIAL_SEEDS), runs=AGAIN + 1, most_turns=SPECIAL_TURNS),
+        session.plays(len(SPECIAL_SEEDS), runs=AGAIN + 1, most_turns=SPECIAL_TURNS),
         strict=True,
     ):
         yield replace(play, seed=seed)
 
 
 @probe("special_seeds", share=1.0, plays=_special_seeds_plays)
-def special_seeds(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def special_seeds(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Seeds that are easily taken for something else: 0 for none, large ones for no integer.
 
     The play and its counterfactual.
@@ -98,63 +98,63 @@ def special_seeds(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `SpecialRefused`, `PlainSeed`.
     """
-    one, two = _twice(lab, play)
+    one, two = _twice(session, play)
     change = {"change": "nothing", "seed": play.seed}
-    yield lab.beside(one.trace, one.trace, two.trace, change)
+    yield session.beside(one.trace, one.trace, two.trace, change)
     is_refused = one.failed is not None and one.failed.call == "reset"
     if one.failed is not None and is_refused:
-        yield lab.fact(SpecialRefused(f"{one.failed.kind}: {one.failed.text}"))
-    if is_refused or _parts(lab, one, two):
-        plain, again = _twice(lab, replace(play, seed=PLAIN, actions=None))
-        is_same = not _parts(lab, plain, again)
+        yield session.fact(SpecialRefused(f"{one.failed.kind}: {one.failed.text}"))
+    if is_refused or _parts(session, one, two):
+        plain, again = _twice(session, replace(play, seed=PLAIN, actions=None))
+        is_same = not _parts(session, plain, again)
         raises = plain.failed is not None and plain.failed.call == "reset"
-        yield lab.fact(PlainSeed(is_same and not raises))
+        yield session.fact(PlainSeed(is_same and not raises))
 
 
-def _twice(lab: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, EpisodeResult]:
+def _twice(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, EpisodeResult]:
     """The play, and another one of it that differs because of its seed, where one does.
 
     What differs only in a used instance is the seed's doing where plays without a seed go the same
     way; else it is what the last play left.
     """
-    one = _fresh(lab, play)[0]
+    one = _fresh(session, play)[0]
     paper = replace(play, actions=one.play.actions)
-    again, env = _fresh(lab, paper)
+    again, env = _fresh(session, paper)
     used = [again]
-    while len(used) < AGAIN and not _parts(lab, one, used[-1]):
-        used.append(_played(lab, paper, env))
-    if len(used) == 1 or not _parts(lab, one, used[-1]):
+    while len(used) < AGAIN and not _parts(session, one, used[-1]):
+        used.append(_played(session, paper, env))
+    if len(used) == 1 or not _parts(session, one, used[-1]):
         return one, used[-1]
-    if not _parts(lab, used[-1], _unseeded(lab, paper, len(used))):
+    if not _parts(session, used[-1], _unseeded(session, paper, len(used))):
         return one, used[-1]
     for _ in range(AGAIN):
-        again = _fresh(lab, paper)[0]
-        if _parts(lab, one, again):
+        again = _fresh(session, paper)[0]
+        if _parts(session, one, again):
             break
     return one, again
 
 
-def _unseeded(lab: ProbeSession, paper: EpisodePlan, count: int) -> EpisodeResult:
+def _unseeded(session: ProbeSession, paper: EpisodePlan, count: int) -> EpisodeResult:
     """The last of so many plays in one instance, of which only the first has its seed."""
-    played, env = _fresh(lab, paper)
+    played, env = _fresh(session, paper)
     for _ in range(count - 1):
-        played = _played(lab, replace(paper, seed=None), env)
+        played = _played(session, replace(paper, seed=None), env)
     return played
 
 
-def _fresh(lab: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, Any]:
+def _fresh(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, Any]:
     with held():
-        env = lab.env()
-    return _played(lab, play, env), env
+        env = session.env()
+    return _played(session, play, env), env
 
 
-def _played(lab: ProbeSession, play: EpisodePlan, env: Any) -> EpisodeResult:
+def _played(session: ProbeSession, play: EpisodePlan, env: Any) -> EpisodeResult:
     with held():
-        return lab.play(play, env)
+        return session.play(play, env)
 
 
-def _parts(lab: ProbeSession, one: EpisodeResult, two: EpisodeResult) -> bool:
-    return lab.divergence(one.trace, two.trace) is not None
+def _parts(session: ProbeSession, one: EpisodeResult, two: EpisodeResult) -> bool:
+    return session.divergence(one.trace, two.trace) is not None
 
 
 FEW: Final = 4
@@ -172,8 +172,10 @@ ELSEWHERE: Final = 7_919
 
 
 # what is drawn at the reset shows at once
-@probe("unseeded", share=0.5, plays=lambda lab: lab.plays(1, runs=8, most_turns=UNSEEDED_TURNS))
-def unseeded(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe(
+    "unseeded", share=0.5, plays=lambda session: session.plays(1, runs=8, most_turns=UNSEEDED_TURNS)
+)
+def unseeded(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Resets with several seeds beside resets without one: where do they lead?
 
     What plays came to, as digests.
@@ -181,26 +183,28 @@ def unseeded(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `SeededPlays`, `UnseededPlays`, `UnseededOpenings`, `PlayElsewhere`.
     """
-    seeded = [_told(lab.play(play, lab.env(), hold=False))]
-    _until_two(seeded, FEW, lambda: _told(_seeded(lab, play, len(seeded))))
-    env = lab.env()
-    lab.play(replace(play, actions=lab.base.actions if lab.base else None), env, hold=False)
+    seeded = [_told(session.play(play, session.env(), hold=False))]
+    _until_two(seeded, FEW, lambda: _told(_seeded(session, play, len(seeded))))
+    env = session.env()
+    session.play(
+        replace(play, actions=session.base.actions if session.base else None), env, hold=False
+    )
     unseeded: list[str] = []
     again = replace(play, seed=None)
-    _until_two(unseeded, FEW, lambda: _told(lab.play(again, env, hold=False)))
+    _until_two(unseeded, FEW, lambda: _told(session.play(again, env, hold=False)))
     kinds = len(set(seeded)), len(set(unseeded))
     if kinds[0] > 1 and kinds[1] == 1:
         while len(seeded) < MANY:
-            seeded.append(_told(_seeded(lab, play, len(seeded))))
+            seeded.append(_told(_seeded(session, play, len(seeded))))
         while len(unseeded) < MANY and len(set(unseeded)) == 1:
-            unseeded.append(_told(lab.play(again, env, hold=False)))
+            unseeded.append(_told(session.play(again, env, hold=False)))
     elif kinds[0] == 1 and kinds[1] > 1:
-        _until_two(seeded, MANY, lambda: _told(_seeded(lab, play, len(seeded))))
-        yield lab.fact(UnseededOpenings(_drawn_openings(lab)))
+        _until_two(seeded, MANY, lambda: _told(_seeded(session, play, len(seeded))))
+        yield session.fact(UnseededOpenings(_drawn_openings(session)))
     elif kinds == (1, 1):
-        yield lab.fact(PlayElsewhere(_elsewhere(lab, play)))
-    yield lab.fact(SeededPlays(seeded))
-    yield lab.fact(UnseededPlays(unseeded))
+        yield session.fact(PlayElsewhere(_elsewhere(session, play)))
+    yield session.fact(SeededPlays(seeded))
+    yield session.fact(UnseededPlays(unseeded))
 
 
 def _until_two(found: list[str], most: int, more: Any) -> None:
@@ -209,8 +213,8 @@ def _until_two(found: list[str], most: int, more: Any) -> None:
         found.append(more())
 
 
-def _seeded(lab: ProbeSession, play: EpisodePlan, number: int) -> EpisodeResult:
-    return lab.play(replace(play, seed=(play.seed or 0) + number), lab.env(), hold=False)
+def _seeded(session: ProbeSession, play: EpisodePlan, number: int) -> EpisodeResult:
+    return session.play(replace(play, seed=(play.seed or 0) + number), session.env(), hold=False)
 
 
 def _told(played: EpisodeResult) -> str:
@@ -222,18 +226,20 @@ def _told(played: EpisodeResult) -> str:
     return text.hexdigest()
 
 
-def _elsewhere(lab: ProbeSession, play: EpisodePlan) -> str | None:
+def _elsewhere(session: ProbeSession, play: EpisodePlan) -> str | None:
     """Course of an episode from elsewhere in the streams that don't depend on the seed.
 
     A game without chance draws from nothing, or what it draws makes no difference.
     """
     if play.actions is None:
-        play = replace(play, most_turns=max(play.most_turns, min(lab.ration // LATER_PLAYS, LONG)))
+        play = replace(
+            play, most_turns=max(play.most_turns, min(session.ration // LATER_PLAYS, LONG))
+        )
     played, begun = [], []
     for number in range(LATER_PLAYS):
         stands: list[Any] = []
         again = replace(play, seed=(play.seed or 0) + number)
-        played.append(lab.play(again, lab.env(), watch=_noting(stands), hold=False))
+        played.append(session.play(again, session.env(), watch=_noting(stands), hold=False))
         begun.append(stands)
     if len(set(map(_told, played))) > 1:
         return None  # later on they part
@@ -243,8 +249,8 @@ def _elsewhere(lab: ProbeSession, play: EpisodePlan) -> str | None:
         if place >= GLOBAL and all(is_same_state(stand[0], each) for each in stand[1:])
     ]
     change = GeneratorsElsewhere(tuple(places), number=ELSEWHERE)
-    other = lab.play(played[0].play, lab.env(), change=change, hold=False)
-    found = lab.divergence(played[0].trace, other.trace)
+    other = session.play(played[0].play, session.env(), change=change, hold=False)
+    found = session.divergence(played[0].trace, other.trace)
     return None if found is None else told_difference(found)
 
 
@@ -258,33 +264,33 @@ def _noting(stands: list[Any]) -> StepHook:
     return watch
 
 
-def _drawn_openings(lab: ProbeSession) -> list[str]:
+def _drawn_openings(session: ProbeSession) -> list[str]:
     """Openings of resets without a seed; of those that no draw decides, the first.
 
     These differ since something of an earlier episode is left, and not since a seed is ignored.
     """
-    found = _openings(lab, lab.env(), 0)
-    is_drawn = any(_openings(lab, lab.env(), number) != found for number in (0, 1))
+    found = _openings(session, session.env(), 0)
+    is_drawn = any(_openings(session, session.env(), number) != found for number in (0, 1))
     return found if is_drawn else found[:1]
 
 
-def _openings(lab: ProbeSession, env: Any, number: int) -> list[str]:
+def _openings(session: ProbeSession, env: Any, number: int) -> list[str]:
     """Openings of resets without a seed, with generators that `number` settles."""
     found = []
     for k in range(FEW):
-        lab.meter.count()
+        session.meter.count()
         reseed(env, number * FEW + k)
-        out = lab.call("reset", env.reset)
+        out = session.call("reset", env.reset)
         if out.failed is not None:
             break
-        seen = out.value[0] if lab.api == "parallel" else _observed(lab, env)
+        seen = out.value[0] if session.api == "parallel" else _observed(session, env)
         found.append(to_json(list(seen.values()) if isinstance(seen, dict) else seen))
     return found
 
 
-def _observed(lab: ProbeSession, env: Any) -> dict[str, Any]:
+def _observed(session: ProbeSession, env: Any) -> dict[str, Any]:
     return {
-        agent_name(agent): lab.call("observe", env.observe, agent).value for agent in env.agents
+        agent_name(agent): session.call("observe", env.observe, agent).value for agent in env.agents
     }
 
 
@@ -296,14 +302,14 @@ BEFORE: Final = (1, 4)
 """Plays of an episode, one after the other, that go before it, by look: the most."""
 
 
-def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _second_episode_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """One that differed in a used instance, if any; long ones, so that whole episodes go before."""
-    yield from lab.unlike
-    yield from lab.plays(2, runs=7)
+    yield from session.unlike
+    yield from session.plays(2, runs=7)
 
 
 @probe("second_episode", share=1.5, plays=_second_episode_plays)
-def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def second_episode(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """An episode in an instance that was used before, beside the same in a fresh one.
 
     Counterfactuals: what went before the play differs.
@@ -313,68 +319,74 @@ def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     nothing. Facts, beside a counterfactual that parts:
         `EpisodeBefore`, `LaterSeeds`.
     """
-    base = lab.fresh(play)
+    base = session.fresh(play)
     change = {"change": "an episode before"}
     resets = replace(base.play, actions=(), most_turns=0)
-    for before in (base.play, _cut(lab, base), resets):
+    for before in (base.play, _cut(session, base), resets):
         times = RESETS if before is resets else 1
         if before is base.play:
-            after, times = _once_more(lab, base, BEFORE[lab.number % len(BEFORE)])
+            after, times = _once_more(session, base, BEFORE[session.number % len(BEFORE)])
         else:
-            after = _after(lab, before, base.play, times)
-        if not _parts(lab, base, after):
-            yield lab.beside(base.trace, base.trace, after.trace, change)
+            after = _after(session, before, base.play, times)
+        if not _parts(session, base, after):
+            yield session.beside(base.trace, base.trace, after.trace, change)
             continue
-        unchanged_rerun = lab.fresh(base.play)
-        yield lab.beside(base.trace, unchanged_rerun.trace, after.trace, change)
-        if not _parts(lab, base, unchanged_rerun):
-            paper = None if before is base.play else _on_paper(lab, before)
-            yield lab.fact(EpisodeBefore(paper, times))
-            yield lab.fact(LaterSeeds(*_seeds_matter(lab, before, base, after, times)))
+        unchanged_rerun = session.fresh(base.play)
+        yield session.beside(base.trace, unchanged_rerun.trace, after.trace, change)
+        if not _parts(session, base, unchanged_rerun):
+            paper = None if before is base.play else _on_paper(session, before)
+            yield session.fact(EpisodeBefore(paper, times))
+            yield session.fact(LaterSeeds(*_seeds_matter(session, before, base, after, times)))
         return
 
 
-def _cut(lab: ProbeSession, base: EpisodeResult) -> EpisodePlan:
+def _cut(session: ProbeSession, base: EpisodeResult) -> EpisodePlan:
     # an odd number of turns in one look, an even one in the other: somebody else may be in turn
-    turns = len(base.play.actions or ()) // 4 * 2 + 1 + lab.number % 2
+    turns = len(base.play.actions or ()) // 4 * 2 + 1 + session.number % 2
     seed = (base.play.seed or 0) + APART
     return EpisodePlan(seed=seed, stream=base.play.stream + APART, most_turns=turns)
 
 
-def _once_more(lab: ProbeSession, base: EpisodeResult, most: int) -> tuple[EpisodeResult, int]:
+def _once_more(session: ProbeSession, base: EpisodeResult, most: int) -> tuple[EpisodeResult, int]:
     """The play after itself, until it is another, and how often it went before."""
     with held():
-        env = lab.env()
-        lab.play(base.play, env)
+        env = session.env()
+        session.play(base.play, env)
     times = 0
     while True:
         times += 1
         with held():
-            after = lab.play(base.play, env)
-        if times == most or _parts(lab, base, after):
+            after = session.play(base.play, env)
+        if times == most or _parts(session, base, after):
             return after, times
 
 
-def _after(lab: ProbeSession, before: EpisodePlan, play: EpisodePlan, times: int) -> EpisodeResult:
+def _after(
+    session: ProbeSession, before: EpisodePlan, play: EpisodePlan, times: int
+) -> EpisodeResult:
     """The play in an instance in which another was played before, so many times."""
     with held():
-        env = lab.env()
+        env = session.env()
         for _ in range(times):
-            lab.play(before, env)
+            session.play(before, env)
     with held():
-        return lab.play(play, env)
+        return session.play(play, env)
 
 
-def _on_paper(lab: ProbeSession, before: EpisodePlan) -> tuple[int | None, tuple[Actions, ...]]:
+def _on_paper(session: ProbeSession, before: EpisodePlan) -> tuple[int | None, tuple[Actions, ...]]:
     if before.actions is None:
-        before = lab.fresh(before).play
+        before = session.fresh(before).play
     return before.seed, before.actions or ()
 
 
 def _seeds_matter(
-    lab: ProbeSession, before: EpisodePlan, base: EpisodeResult, after: EpisodeResult, times: int
+    session: ProbeSession,
+    before: EpisodePlan,
+    base: EpisodeResult,
+    after: EpisodeResult,
+    times: int,
 ) -> tuple[bool, bool]:
     """Tells whether another seed makes another episode, in a fresh instance and a used one."""
     other = replace(base.play, seed=(base.play.seed or 0) + 1)
-    used = _after(lab, before, other, times)
-    return _parts(lab, base, lab.fresh(other)), _parts(lab, after, used)
+    used = _after(session, before, other, times)
+    return _parts(session, base, session.fresh(other)), _parts(session, after, used)

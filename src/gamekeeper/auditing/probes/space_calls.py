@@ -42,16 +42,16 @@ HELD_PLAYS: Final = 12
 SIDES: Final = ("observation", "action")
 
 
-def _spaces_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _spaces_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Two short ones, then some in which actions are held, as long as there are steps left."""
-    yield from lab.plays(2, most_turns=MOST_TURNS)
-    turns = max(lab.ration // 3, 20)
+    yield from session.plays(2, most_turns=MOST_TURNS)
+    turns = max(session.ration // 3, 20)
     for k in range(HELD_PLAYS):
-        yield EpisodePlan(seed=lab.seed + k, stream=HELD + k, most_turns=turns)
+        yield EpisodePlan(seed=session.seed + k, stream=HELD + k, most_turns=turns)
 
 
 @probe("spaces", share=1.0, plays=_spaces_plays)
-def spaces(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Spaces asked for before the reset, after it, along a play and after another reset.
 
     What spaces are there and whether they stay the same; what others than the mover observe.
@@ -62,36 +62,36 @@ def spaces(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `AskedSpace`, `ChangedSpace`, `SpaceFaults`, `SpaceEntry`, `OthersView`, `PickledInfo`,
         `NumpyFlag`.
     """
-    env = lab.env()
+    env = session.env()
     if play.stream >= HELD:
-        yield from _held(lab, play, env)
+        yield from _held(session, play, env)
         return
-    watch = _Watch(lab, env)
-    if lab.can_make:
+    watch = _Watch(session, env)
+    if session.can_make:
         watch.ask_all(list(getattr(env, "possible_agents", None) or ()), "before reset", 0)
-    played = lab.play(play, env, watch=watch, state=False)
+    played = session.play(play, env, watch=watch, state=False)
     watch.ask_all(
         list(getattr(env, "possible_agents", None) or ())[:MOST_AGENTS], "after the play", None
     )
     if played.failed is None:
         after = None if play.seed is None else play.seed + 1
-        if lab.call("reset", env.reset, seed=after).failed is None:
-            lab.meter.count()
+        if session.call("reset", env.reset, seed=after).failed is None:
+            session.meter.count()
             possible = list(getattr(env, "possible_agents", None) or env.agents)
             watch.ask_all(possible, "after another reset", None)
     yield from watch.facts
 
 
-def _held(lab: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
+def _held(session: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
     """A longer play; where masks forbid actions nothing can be held."""
     if play.actions is None:
-        first = lab.play(replace(play, most_turns=2), env, state=False)
-        declared = [role.mask for role in lab.contract.roles.values()]
+        first = session.play(replace(play, most_turns=2), env, state=False)
+        declared = [role.mask for role in session.contract.roles.values()]
         if any(turn.masks for turn in first.trace.turns) or set(declared) - {None, "none"}:
             return
-        lab.base = None  # what follows is what is to be seen again
+        session.base = None  # what follows is what is to be seen again
     change = Held() if play.actions is None else None
-    played = lab.play(play, env, change=change, state=False)
+    played = session.play(play, env, change=change, state=False)
     yield played.trace
 
 
@@ -99,7 +99,7 @@ def _held(lab: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
 class _Watch:
     """Looks at the spaces now and then."""
 
-    lab: ProbeSession
+    session: ProbeSession
     env: Any
     facts: list[Fact[Any]] = field(default_factory=list)
     _first: dict[tuple[str, Any], Any] = field(default_factory=dict)
@@ -119,7 +119,7 @@ class _Watch:
             self._look_at_infos(turn, out, roster)
         if not self._has_numpy_flag:
             self._look_at_flags(turn, out)
-        if self.lab.api == "aec" and self._observed < MOST_OBSERVED:
+        if self.session.api == "aec" and self._observed < MOST_OBSERVED:
             self._observe(turn, roster)
 
     def ask_all(self, agents: list[Any], when: str, turn: int | None) -> None:
@@ -130,7 +130,9 @@ class _Watch:
 
     def _ask(self, agent: Any, which: str, when: str, turn: int | None) -> None:
         name = f"{which}_space"
-        one, other = (_quietly(self.lab, name, getattr(self.env, name), agent) for _ in range(2))
+        one, other = (
+            _quietly(self.session, name, getattr(self.env, name), agent) for _ in range(2)
+        )
         space = one.value if isinstance(one.value, Space) else None
         said = None if one.failed is None else f"{one.failed.kind}: {one.failed.text}"
         asked = AskedSpace(which, when, space, said, type_name(one.value), one.value is other.value)
@@ -167,7 +169,7 @@ class _Watch:
             if agent == chosen or space is None:
                 continue
             self._observed += 1
-            seen = self.lab.call("observe", self.env.observe, agent)
+            seen = self.session.call("observe", self.env.observe, agent)
             if seen.failed is not None:
                 said = f"{seen.failed.kind}: {seen.failed.text}"
                 self._note(OthersView(failed=said, misfits=[]), turn, agent, "observe")
@@ -179,25 +181,25 @@ class _Watch:
             self._note(OthersView(failed=None, misfits=found), turn, agent, "observe")
 
     def _space(self, agent: Any) -> Any:
-        asked = _quietly(self.lab, "observation_space", self.env.observation_space, agent)
+        asked = _quietly(self.session, "observation_space", self.env.observation_space, agent)
         return asked.value if isinstance(asked.value, Space) else None
 
     def _look_at_infos(self, turn: int, out: Any, roster: list[Any]) -> None:
-        infos = getattr(self.env, "infos", None) if self.lab.api == "aec" else None
+        infos = getattr(self.env, "infos", None) if self.session.api == "aec" else None
         if isinstance(out, tuple | list) and len(out) in (2, 5):
             infos = out[-1]
         if not isinstance(infos, dict):
             return
         for agent in roster:
             if isinstance(infos.get(agent), dict):
-                done = self.lab.call("pickle", pickle.dumps, infos[agent])
+                done = self.session.call("pickle", pickle.dumps, infos[agent])
                 why = None if done.failed is None else f"{done.failed.kind}: {done.failed.text}"
                 self._note(PickledInfo(unpicklable=why), turn, agent, "infos")
 
     def _look_at_flags(self, turn: int, out: Any) -> None:
         """Notes the first flag that is a bool of NumPy's."""
         for place, name in enumerate(("terminations", "truncations"), 2):
-            flags = getattr(self.env, name, None) if self.lab.api == "aec" else None
+            flags = getattr(self.env, name, None) if self.session.api == "aec" else None
             if isinstance(out, tuple | list) and len(out) == 5:
                 flags = out[place]
             for agent, flag in flags.items() if isinstance(flags, dict) else ():
@@ -206,11 +208,11 @@ class _Watch:
                     self._note(NumpyFlag(), turn, agent, name)
 
     def _note(self, value: object, turn: int | None, agent: Any, place: str) -> None:
-        self.facts.append(self.lab.fact(value, turn=turn, agent=agent, field=place))
+        self.facts.append(self.session.fact(value, turn=turn, agent=agent, field=place))
 
 
-def _quietly(lab: ProbeSession, name: str, function: Any, *arguments: Any) -> Called:
+def _quietly(session: ProbeSession, name: str, function: Any, *arguments: Any) -> Called:
     """Calls without the warning of PettingZoo's own method, which reads the dictionaries."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return lab.call(name, function, *arguments)
+        return session.call(name, function, *arguments)

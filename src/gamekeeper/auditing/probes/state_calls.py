@@ -33,13 +33,13 @@ TRIAL_TURNS: Final = (0, 1, 2, 3, 4, 5, 7, 9)
 """Turns at which other actions are tried."""
 
 
-def _state_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _state_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """Two; each again in the used instance, and in part with other actions."""
-    yield from lab.plays(2, runs=4, most_turns=affordable(lab, MOST_TURNS))
+    yield from session.plays(2, runs=4, most_turns=affordable(session, MOST_TURNS))
 
 
 @probe("state", share=1.0, plays=_state_plays)
-def state(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def state(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The state at every turn, asked for twice, in a used instance, and after other actions.
 
     What state() says, beside what its space declares.
@@ -47,12 +47,12 @@ def state(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `StateSpace`, `StateAnswers`, `UsedState`, `LateState`.
     """
-    env = lab.env()
+    env = session.env()
     if not callable(getattr(env, "state", None)):  # a field of that name is no state()
-        yield lab.fact(StateSpace(is_there=False, space=None, shape=None, dtype=None))
+        yield session.fact(StateSpace(is_there=False, space=None, shape=None, dtype=None))
         return
-    recorder = StateRecorder(lab, env)
-    base = lab.play(play, env, watch=recorder, state=False)
+    recorder = StateRecorder(session, env)
+    base = session.play(play, env, watch=recorder, state=False)
     if base.failed is not None and play.actions is not None:
         return  # a shorter play that breaks off shows another thing
     answers = recorder.answers
@@ -61,7 +61,7 @@ def state(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     is_there = bool(answers) and answers[0].failed is None
     is_there &= space is not None or any(answer.kind != "NoneType" for answer in answers)
     is_there |= space is not None and not refused.startswith("NotImplementedError")
-    yield lab.fact(
+    yield session.fact(
         StateSpace(
             is_there=is_there,
             space=None if space is None else str(space),
@@ -71,26 +71,26 @@ def state(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     )
     if not is_there:
         return
-    yield lab.fact(StateAnswers(moves=moves(base.trace), answers=answers), field="state")
+    yield session.fact(StateAnswers(moves=moves(base.trace), answers=answers), field="state")
     if all(answer.digest == answer.again for answer in answers):
-        yield from _used(lab, base, answers, env)
-    yield from _late(lab, base, answers, env)
+        yield from _used(session, base, answers, env)
+    yield from _late(session, base, answers, env)
 
 
 class StateRecorder:
     """Asks for the state twice after the reset and after every step."""
 
-    def __init__(self, lab: ProbeSession, env: Any) -> None:
+    def __init__(self, session: ProbeSession, env: Any) -> None:
         self.answers: list[StateAnswer] = []
-        self._lab = lab
-        self.space = space_of(lab, env)
+        self._session = session
+        self.space = space_of(session, env)
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """One moment."""
-        called = self._lab.call("state", lambda: env.state())  # it may be gone by now
+        called = self._session.call("state", lambda: env.state())  # it may be gone by now
         space = self.space if called.failed is None else None
         answer = form_of(turn, called.value, space)
-        again = self._lab.call("state", lambda: env.state())
+        again = self._session.call("state", lambda: env.state())
         self.answers.append(
             replace(
                 answer,
@@ -102,9 +102,9 @@ class StateRecorder:
         )
 
 
-def space_of(lab: ProbeSession, env: Any) -> Space[Any] | None:
+def space_of(session: ProbeSession, env: Any) -> Space[Any] | None:
     """The declared space of the state, where there is one."""
-    space = lab.call("state_space", getattr, env, "state_space", None).value
+    space = session.call("state_space", getattr, env, "state_space", None).value
     return space if isinstance(space, Space) else None
 
 
@@ -140,19 +140,19 @@ def _digest(value: Any) -> str:
 
 
 def _used(
-    lab: ProbeSession, base: EpisodeResult, answers: list[StateAnswer], env: Any
+    session: ProbeSession, base: EpisodeResult, answers: list[StateAnswer], env: Any
 ) -> Iterator[Saw]:
     """The same play once more in the same instance; looked at where all else is equal."""
-    again = StateRecorder(lab, env)
-    used = lab.play(base.play, env, watch=again, state=False)
-    if lab.divergence(base.trace, used.trace) is None:
+    again = StateRecorder(session, env)
+    used = session.play(base.play, env, watch=again, state=False)
+    if session.divergence(base.trace, used.trace) is None:
         pairs = zip(answers, again.answers, strict=False)
         turn = next((a.turn for a, b in pairs if a.digest != b.digest), None)
-        yield lab.fact(UsedState(turn=turn), field="used")
+        yield session.fact(UsedState(turn=turn), field="used")
 
 
 def _late(
-    lab: ProbeSession, base: EpisodeResult, answers: list[StateAnswer], env: Any
+    session: ProbeSession, base: EpisodeResult, answers: list[StateAnswer], env: Any
 ) -> Iterator[Saw]:
     """Other actions at one turn: when do observations show them, and when does the state?"""
     actions = base.play.actions or ()
@@ -162,10 +162,10 @@ def _late(
     for turn in TRIAL_TURNS:
         if turn + 1 >= len(actions):
             break
-        other = _others(env, base.trace, turn, actions[turn], seed=lab.seed)
+        other = _others(env, base.trace, turn, actions[turn], seed=session.seed)
         tried = (*actions[:turn], other, actions[turn + 1])
-        watch = StateRecorder(lab, env)
-        played = lab.play(
+        watch = StateRecorder(session, env)
+        played = session.play(
             replace(base.play, actions=tried, most_turns=len(tried)), env, watch=watch, state=False
         )
         if not _parts_at(base.trace, played.trace, turn + 1):
@@ -176,7 +176,7 @@ def _late(
         is_later = turn + 2 in now and now[turn + 2] != digests.get(turn + 2)
         later += is_later
         last = (turn, other) if is_later else last
-    yield lab.fact(LateState(trials, at_once, later, *last), field="late")
+    yield session.fact(LateState(trials, at_once, later, *last), field="late")
 
 
 def _others(

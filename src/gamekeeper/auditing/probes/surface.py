@@ -120,13 +120,13 @@ LAST: Final = 5
 """Values that `last()` of an AEC environment returns."""
 
 
-def _surface_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+def _surface_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """First a few that may be long, then more while there are steps left."""
-    return lab.plays_of([max(lab.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
+    return session.plays_of([max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
 
 
 @probe("surface", share=1.5, plays=_surface_plays)
-def surface(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+def surface(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rosters, counts and books on the outside of an environment, turn by turn.
 
     The trace; attributes before a reset, after it, after each step, after another reset.
@@ -135,37 +135,37 @@ def surface(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `PossibleAgents`, `LiveRosters`, `RosterKinds`, `AgentCounts`, `ReturnedForms`,
         `BookEntries`, `TimeLimits`, `FlaggedAgents`.
     """
-    env = lab.env()
-    before, first = _names(lab, env, "possible_agents"), _reset(lab, env, play)
-    flagged = [_flagged(env)] if lab.api == "aec" else []
+    env = session.env()
+    before, first = _names(session, env, "possible_agents"), _reset(session, env, play)
+    flagged = [_flagged(env)] if session.api == "aec" else []
     limits = limits_of(env)
-    seen = _Seen(lab)
-    played = lab.play(play, env, watch=seen.watch)
+    seen = _Seen(session)
+    played = session.play(play, env, watch=seen.watch)
     limits = {name: value for name, value in limits_of(env).items() if limits.get(name) == value}
     yield played.trace
-    again = _reset(lab, env, play)
+    again = _reset(session, env, play)
     possible = PossibleAgents(
-        lab.can_make, before, seen.possible, _names(lab, env, "possible_agents")
+        session.can_make, before, seen.possible, _names(session, env, "possible_agents")
     )
-    midway = _midway(lab, env, played, seen.rosters)
+    midway = _midway(session, env, played, seen.rosters)
     rosters = LiveRosters(first, seen.rosters, again, midway)
-    yield lab.fact(possible, field="possible_agents")
-    yield lab.fact(rosters, field="agents")
-    yield lab.fact(RosterKinds(seen.kinds), field="agents")
-    yield lab.fact(TimeLimits(limits), field="terminations")
-    yield lab.fact(AgentCounts(seen.counts), field="num_agents")
-    returned = [_wrong_last(lab, env)] if lab.api == "aec" else seen.returned
-    yield lab.fact(ReturnedForms(returned, seen.infos_answer), field="returned")
-    if lab.api == "aec":
-        yield lab.fact(BookEntries(seen.books), field="books")
+    yield session.fact(possible, field="possible_agents")
+    yield session.fact(rosters, field="agents")
+    yield session.fact(RosterKinds(seen.kinds), field="agents")
+    yield session.fact(TimeLimits(limits), field="terminations")
+    yield session.fact(AgentCounts(seen.counts), field="num_agents")
+    returned = [_wrong_last(session, env)] if session.api == "aec" else seen.returned
+    yield session.fact(ReturnedForms(returned, seen.infos_answer), field="returned")
+    if session.api == "aec":
+        yield session.fact(BookEntries(seen.books), field="books")
         flagged += [seen.flagged, _flagged(env)]
-        yield lab.fact(FlaggedAgents(flagged), field="terminations")
+        yield session.fact(FlaggedAgents(flagged), field="terminations")
 
 
 class _Seen:
     """Roster and dictionaries at the start of each turn of an episode."""
 
-    def __init__(self, lab: ProbeSession) -> None:
+    def __init__(self, session: ProbeSession) -> None:
         self.rosters: list[Any] = []
         self.possible: list[Any] = []
         self.counts: list[list[Any]] = []
@@ -174,7 +174,7 @@ class _Seen:
         self.kinds: list[tuple[int, list[str]]] = []
         self.flagged: list[str] = []
         self.infos_answer = False
-        self._lab = lab
+        self._session = session
         self._last: dict[str, tuple[Any, Any]] = {}
 
     def watch(self, turn: int, env: Any, out: Any) -> None:
@@ -185,7 +185,7 @@ class _Seen:
         named = self.rosters[-1], self.possible[-1]
         sizes = [None if names is None else len(names) for names in named]
         self.counts.append([*counted, *sizes])
-        if self._lab.api == "parallel":
+        if self._session.api == "parallel":
             self.returned.append(_wrong(out, 5 if turn else 2))
             self.infos_answer |= isinstance(out, tuple) and isinstance(out[-1], defaultdict)
         else:
@@ -194,7 +194,7 @@ class _Seen:
         if not self.kinds or kinds != self.kinds[-1][1]:
             self.kinds.append((turn, kinds))
         if not turn:
-            self.flagged = _flagged(env) if self._lab.api == "aec" else []
+            self.flagged = _flagged(env) if self._session.api == "aec" else []
 
     def _names(self, env: Any, attribute: str) -> Any:
         """The names, spelt anew only where they have changed."""
@@ -202,38 +202,38 @@ class _Seen:
         known = self._last.get(attribute)
         if known is not None and value.__class__ is list and value == known[0]:
             return known[1]
-        names = _names(self._lab, env, attribute)
+        names = _names(self._session, env, attribute)
         if value.__class__ is list:
             self._last[attribute] = list(value), names
         return names
 
 
-def _reset(lab: ProbeSession, env: Any, play: EpisodePlan) -> Any:
+def _reset(session: ProbeSession, env: Any, play: EpisodePlan) -> Any:
     """The roster after a reset with the play's seed; None where it raised."""
-    lab.meter.count(RESET_STEPS)
+    session.meter.count(RESET_STEPS)
     given: dict[str, Any] = {} if play.seed is None else {"seed": play.seed}
     if play.options is not None:
         given["options"] = dict(play.options)
-    failed = lab.call("reset", env.reset, **given).failed
-    return _names(lab, env, "agents") if failed is None else None
+    failed = session.call("reset", env.reset, **given).failed
+    return _names(session, env, "agents") if failed is None else None
 
 
 def _midway(
-    lab: ProbeSession, env: Any, played: EpisodeResult, rosters: Sequence[Any]
+    session: ProbeSession, env: Any, played: EpisodeResult, rosters: Sequence[Any]
 ) -> tuple[int, list[str] | None] | None:
     """After the first turns of a play, until somebody has left, a reset: its roster."""
     for turn, names in enumerate(rosters):
         if names and rosters[0] and not set(rosters[0]) <= set(names):
             if turn and len(played.play.actions or ()) >= turn:
-                lab.play(cut(played.play, turn), env)
-                return turn, _reset(lab, env, played.play)
+                session.play(cut(played.play, turn), env)
+                return turn, _reset(session, env, played.play)
             return None
     return None
 
 
-def _names(lab: ProbeSession, env: Any, attribute: str) -> list[str] | None:
+def _names(session: ProbeSession, env: Any, attribute: str) -> list[str] | None:
     """The names in a roster, however it is kept; None where there is none."""
-    called = lab.call(attribute, lambda: list(getattr(env, attribute)))
+    called = session.call(attribute, lambda: list(getattr(env, attribute)))
     return None if called.failed is not None else [agent_name(agent) for agent in called.value]
 
 
@@ -266,11 +266,11 @@ def _wrong(out: Any, count: int) -> str:
     return ", ".join(nonconforming)
 
 
-def _wrong_last(lab: ProbeSession, env: Any) -> str:
+def _wrong_last(session: ProbeSession, env: Any) -> str:
     """Fault in the value of `last()`; empty if there is none, or if it raised."""
     if not getattr(env, "agents", None):
         return ""
-    called = lab.call("last", env.last)
+    called = session.call("last", env.last)
     if called.failed is not None or (isinstance(called.value, tuple) and len(called.value) == LAST):
         return ""
     return _wrong(called.value, LAST) or f"a {type(called.value).__name__}"
@@ -310,8 +310,8 @@ MOST_TURNS: Final = 20
 MOST_MODES: Final = 3
 
 
-@probe("metadata", share=0.2, plays=lambda lab: lab.plays(1, most_turns=MOST_TURNS))
-def metadata(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+@probe("metadata", share=0.2, plays=lambda session: session.plays(1, most_turns=MOST_TURNS))
+def metadata(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Metadata, before and after the environment was used.
 
     Metadata before and after a play, a render and further instances.
@@ -319,28 +319,28 @@ def metadata(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `Metadata`, `LaterMetadata`.
     """
-    env = lab.env()
+    env = session.env()
     metadata = getattr(env, "metadata", None)
     before = to_json(metadata)
-    lab.play(play, env)
+    session.play(play, env)
     own = getattr(env, "render_mode", None)
     fields = dict(metadata) if isinstance(metadata, dict) else {}
-    yield lab.fact(
+    yield session.fact(
         Metadata(kind=type(metadata).__name__, fields=dict(fields), own=own), field="metadata"
     )
     after: list[tuple[str, str | None, str]] = [
         ("play", None, to_json(getattr(env, "metadata", None)))
     ]
     if own is not None and own != "human":
-        lab.call("render", env.render)
+        session.call("render", env.render)
         after.append(("render", None, to_json(getattr(env, "metadata", None))))
-    if lab.can_make:
-        lab.call("make", lab.make)
+    if session.can_make:
+        session.call("make", session.make)
         after.append(("make", None, to_json(getattr(env, "metadata", None))))
         for mode in _modes(fields):
-            lab.call("make", lab.make, render_mode=mode)
+            session.call("make", session.make, render_mode=mode)
             after.append(("make", mode, to_json(getattr(env, "metadata", None))))
-    yield lab.fact(LaterMetadata(before=before, after=after), field="metadata")
+    yield session.fact(LaterMetadata(before=before, after=after), field="metadata")
 
 
 def _modes(fields: dict[str, Any]) -> list[str]:
