@@ -4,11 +4,13 @@ const NAMED = 24; // marks with a button each; the brackets reach all
 
 const names = (agents) => (agents.length > 2 ? `${agents.length} agents` : agents.map(gk.visible).join(" and "));
 
+const WORDS = { since: "likely cause", divergence: "first difference", pivot: "lost here" };
+
 // A mark in words; several agents may have one ending.
 gk.markText = (mark) => {
   const who = mark.agents ? names(mark.agents) : mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent);
   const text = gk.visible(mark.text ?? "");
-  return mark.kind === "ending" ? [who, text].filter(Boolean).join(" ") : [mark.kind, who, text].filter(Boolean).join(", ");
+  return mark.kind === "ending" ? [who, text].filter(Boolean).join(" ") : [gk.own(WORDS, mark.kind) ?? mark.kind, who, text].filter(Boolean).join(", ");
 };
 
 // Endings of one turn with one reason as one mark.

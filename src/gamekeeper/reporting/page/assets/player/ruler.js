@@ -4,6 +4,7 @@ const HEIGHT = 30;
 const APART = 64; // pixels between numbers
 
 gk.MARKS = {
+  since: "★",
   divergence: "◆",
   failure: "▲",
   pivot: "▼",
@@ -41,14 +42,16 @@ gk.drawRuler = (canvas, last, marks, { first, perTurn, width, at = (turn) => (tu
     ink.textAlign = x < 12 ? "left" : x > width - 16 ? "right" : "center";
     ink.fillText(text, Math.max(0, Math.min(width, x)), HEIGHT - 6);
   }
-  let before = -10; // where marks crowd, one a column of pixels is enough
+  const taken = []; // where marks crowd, the one that matters most is enough
   ink.textAlign = "center";
-  for (const mark of marks) {
+  const quiet = ["ending", "penalty", ...(marks.some(({ kind }) => kind === "since") ? ["divergence"] : [])];
+  const isQuiet = ({ kind }) => Number(quiet.includes(kind));
+  for (const mark of [...marks].sort((a, b) => isQuiet(a) - isQuiet(b))) {
     if (mark.turn < first || mark.turn >= past) continue;
     const x = Math.max(5, Math.min(width - 5, at(mark.turn)));
-    if (x - before < 4) continue;
-    before = x;
-    ink.fillStyle = mark.kind === "ending" || mark.kind === "penalty" ? colours.grey : colours.mark;
+    if (taken.some((other) => Math.abs(x - other) < 4)) continue;
+    taken.push(x);
+    ink.fillStyle = isQuiet(mark) ? colours.grey : colours.mark;
     ink.fillText(gk.markSign(mark), x, 11);
   }
 };
