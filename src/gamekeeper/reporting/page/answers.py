@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, TypedDict
 
 import numpy as np
@@ -62,7 +62,7 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         _findings(documents.audit),
         _otherwise(run, documents),
         _lost(run, documents),
-        _least(run, documents),
+        _least(run, documents.attribution),
         _compared(documents.evaluation),
         _verified(run),
         _again(run),
@@ -185,26 +185,18 @@ def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> Link:
     }
 
 
-def _least(run: ShownRun, documents: Documents) -> Answer | None:
-    """The agent that adds least by an attribution, else of a failed run the lowest mean return.
-
-    Returns aren't shown beside a diagnosis that names agents: the lowest is often another's.
-    """
-    if len(run.figures.agents) < 2 or not len(run.figures.headers):
-        return None
-    of_agents = (documents.diagnosis or {}).get("agents") or {}
-    is_named = any(each["answer"] in NAMED for each in of_agents.values())
-    is_open = any(run.failed) and not is_named
-    found = _least_added(documents.attribution) or (_lowest_return(run) if is_open else None)
+def _least(run: ShownRun, attribution: Document | None) -> Answer | None:
+    """The agent that adds least by an attribution; the lowest return names no cause."""
+    found = _least_added(attribution)
     if found is None:
         return None
-    question, agent, text = found
+    agent, text = found
     place = run.figures.agents.index(agent) if agent in run.figures.agents else None
     link = {} if place is None else _worst_episode(run, place)
-    return Answer(question, text, agent, "plain", **link)
+    return Answer("Adds least", text, agent, "plain", **link)
 
 
-def _least_added(attribution: Document | None) -> tuple[str, str, str] | None:
+def _least_added(attribution: Document | None) -> tuple[str, str] | None:
     known = {
         agent: part["difference"]
         for agent, part in ((attribution or {}).get("agents") or {}).items()
@@ -221,41 +213,7 @@ def _least_added(attribution: Document | None) -> tuple[str, str, str] | None:
         else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
     )
     text = f"With {part.get('baseline') or 'a baseline'} in its place the team loses least: "
-    return "Adds least", agent, f"{text}{shown(part['value'])}{between}{_tied(others)}."
-
-
-def _lowest_return(run: ShownRun) -> tuple[str, str, str] | None:
-    """By mean return, of agents in at least half of the episodes; the most idle one beside it."""
-    figures = run.figures
-    counts = figures.present.sum(axis=0)
-    places = [k for k in range(len(figures.agents)) if 2 * counts[k] >= len(figures.headers)]
-    means = {k: float(figures.returns[figures.present[:, k], k].mean()) for k in places}
-    idle = _most_idle(run, places)
-    if not means or not all(np.isfinite(value) for value in means.values()):
-        return None
-    low, high = min(means.values()), max(means.values())
-    if np.isclose(low, high):
-        text = f"All agents have one mean return, {shown(low)}, so returns don't tell"
-        return None if idle is None else ("Most idle", idle[0], f"{text}; {idle[1]}.")
-    agent = figures.agents[min(means, key=lambda each: means[each])]
-    others = int(np.isclose(list(means.values()), low).sum()) - 1
-    text = f"Its mean return is {shown(low)}{_tied(others)}, the highest {shown(high)}"
-    return "Lowest return", agent, f"{text}; {idle[1]}." if idle else f"{text}."
-
-
-def _most_idle(run: ShownRun, places: Sequence[int]) -> tuple[str, str] | None:
-    """The agent with the largest part of declared noops, and that part in words."""
-    known = {
-        agent: own.idle
-        for agent in (run.figures.agents[k] for k in places)
-        for own in [run.evidence.summary.agents.get(agent)]
-        if own is not None and own.idle is not None
-    }
-    if not known or len(set(known.values())) == 1:
-        return None
-    agent = max(known, key=lambda each: known[each] or 0.0)
-    others = list(known.values()).count(known[agent]) - 1
-    return agent, f"most idle is {agent}, {known[agent]:.0%} of its actions{_tied(others)}"
+    return agent, f"{text}{shown(part['value'])}{between}{_tied(others)}."
 
 
 def _worst_episode(run: ShownRun, place: int) -> Link:

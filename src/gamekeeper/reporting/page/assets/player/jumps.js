@@ -22,11 +22,11 @@ const together = (marks) => {
 
 // `go(mark)`: the reader chose it.
 gk.jumpsOf = (every, { several, go }) => {
-  const isEnding = (mark) => Number(mark.kind === "ending");
-  const marks = together(every).sort((a, b) => isEnding(a) - isEnding(b) || a.turn - b.turn);
+  const isQuiet = gk.quietOf(every);
+  const marks = together(every).sort((a, b) => isQuiet(a) - isQuiet(b) || a.turn - b.turn);
   const made = marks.slice(0, NAMED).map((mark) => {
     const side = several && !mark.both ? `${mark.side}: ` : "";
-    const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
+    const sign = gk.node("span", { "aria-hidden": "true", class: isQuiet(mark) ? "sign sign-quiet" : "sign", text: gk.markSign(mark) });
     const kind = gk.own(gk.MARKS, mark.kind) ? mark.kind : "other";
     const button = gk.node("button", { type: "button", class: `jump jump-${kind}`, title: gk.markText(mark) }, sign, ` turn ${mark.turn}: `, gk.name(`${side}${gk.markText(mark)}`));
     button.addEventListener("click", () => go(mark));

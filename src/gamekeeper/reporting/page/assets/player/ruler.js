@@ -17,6 +17,12 @@ gk.MARKS = {
 
 gk.markSign = (mark) => gk.own(gk.MARKS, mark.kind) ?? "•";
 
+// Tells whether a mark is grey and comes after the others, as 1 or 0: endings, and first differences that the likely cause was not found by.
+gk.quietOf = (marks) => {
+  const quiet = ["ending", "penalty", ...(marks.some(({ kind }) => kind === "since") ? ["divergence"] : [])];
+  return ({ kind }) => Number(quiet.includes(kind));
+};
+
 // 1, 2, 5, 10, 20, …: the least of these that keeps numbers apart.
 const stride = (perTurn) => {
   const least = APART / perTurn;
@@ -44,8 +50,7 @@ gk.drawRuler = (canvas, last, marks, { first, perTurn, width, at = (turn) => (tu
   }
   const taken = []; // where marks crowd, the one that matters most is enough
   ink.textAlign = "center";
-  const quiet = ["ending", "penalty", ...(marks.some(({ kind }) => kind === "since") ? ["divergence"] : [])];
-  const isQuiet = ({ kind }) => Number(quiet.includes(kind));
+  const isQuiet = gk.quietOf(marks);
   for (const mark of [...marks].sort((a, b) => isQuiet(a) - isQuiet(b))) {
     if (mark.turn < first || mark.turn >= past) continue;
     const x = Math.max(5, Math.min(width - 5, at(mark.turn)));
