@@ -118,7 +118,7 @@ PEER = IdealSubstitute("policy[x] = w's", POLICY, ("x",), (("policies", "x", "",
 
 def test_messages_are_named_where_speaker_and_listener_cannot_be_told_apart() -> None:
     """One that misreads them looks as one that says them wrongly: neither alone, and no label."""
-    for found in (answer(HEARD), answer(HEARD, SAID)):
+    for found in (answer(HEARD), answer(SAID), answer(HEARD, SAID)):
         assert (found.answer, found.labels) == ("ambiguous", ())
         assert {a for one in found.substitutes for a in one.concerned} == {"x", "y"}
         assert "messages from x to y" in found.why

@@ -22,7 +22,9 @@ from gamekeeper.diagnosis.undo_candidates import (
     call_undos,
     is_known_range,
     observation_undos,
+    shift_undos,
 )
+from gamekeeper.diagnosis.undo_pairs import pairs_of
 from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.divergence import Divergence
@@ -192,8 +194,8 @@ def test_an_undo_is_data_and_says_what_it_does() -> None:
     """Workers are handed it as JSON; people read it in words."""
     undo = BoundaryUndo(("light",), "exchange fields", (0, 1), names=("field 0", "field 1"))
     assert str(undo) == "exchanging fields 0 and 1 of light's observation"
-    setup = Setup("env", undo=undo)
-    assert Setup.from_json(setup.to_json()).undo == undo
+    setup = Setup("env", undos=(undo,))
+    assert Setup.from_json(setup.to_json()).undos == (undo,)
     assert undone(undo).labels == ("perception",)
     assert undone(BoundaryUndo(("a",), "commonest", amount=9.0)).labels == ()
 
@@ -235,6 +237,25 @@ def test_parts_of_a_dict_are_exchanged_as_wholes_and_pixels_need_bounds_of_pixel
         (),
         "a's gain, from what is observed to what is done",
     )
+
+
+def test_constants_are_added_by_parts_of_the_recorded_span_and_have_no_label() -> None:
+    """To fields that are reacted to, of whole numbers 1 and 2 within bounds, and to axes."""
+    space = Dict({"far": Box(-5.0, 5.0, (1,)), "near": Discrete(4)})
+    fields = observed_fields(Contract(), "a", space)
+    own = [{"far": np.float32([x]), "near": 3 * (x > 1)} for x in np.linspace(0, 2, 21)]
+    axes = acted_fields(Box(-1.0, 1.0, (1,)))
+    tried = [undo for _, undo in shift_undos(("a",), fields, frozenset(), axes, own)]
+    by_field = [[one.amount for one in tried if one.names == (each.name,)] for each in fields]
+    assert by_field == [[0.36, -0.36, 0.63, -0.63, 0.18, -0.18, 1.1, -1.1], [1, -1, 2, -2]]
+    assert len(tried) == 20
+    deaf = frozenset(each.name for each in fields)
+    assert len(list(shift_undos(("a",), fields, deaf, axes, own))) == 8
+    (shown,), _ = passed(tried[8], space, Discrete(2), {"far": np.float32([4]), "near": 3})
+    assert shown["near"] == 3
+    assert str(tried[0]) == "adding 0.36 to field far of a's observation"
+    assert undone(tried[0]).labels == ()
+    assert undone(tried[0]).shown == "a constant offset in what a observes, aims at or does"
 
 
 def test_an_undo_of_one_agent_goes_before_that_of_several_and_before_a_whole_policy() -> None:
@@ -318,13 +339,17 @@ class Walker:
             place = 2 * SIDE - place
         if self.fault == "still":
             return 1
-        step = int(np.sign(middle - place))
+        step = int(np.sign(middle - place)) * (-1 if self.fault == "reversed" else 1)
         return 1 + (-step if self.fault == "actions" and agent == "left_0" else step)
+
+
+class Strider(Walker):
+    """Another policy, so that no undo is tried at both agents as at one."""
 
 
 def diagnosed(fault: str, **more: Any) -> gk.Diagnosis:
     """The diagnosis of a meeting with a fault in the left one."""
-    policies = {"left_0": Walker(fault), "right_0": Walker()}
+    policies = more.pop("policies", None) or {"left_0": Walker(fault), "right_0": Walker()}
     evidence = gk.rollout(Meeting, policies=policies, episodes=4, seed=1)
     given = {"env": Meeting, "policies": policies, "failed": "return < 1", "perturbations": False}
     return gk.diagnose(evidence, **{**given, "episodes": 500, **more})
@@ -357,6 +382,25 @@ class Stuck(Walker):
         """A step."""
         self.known = int(observation[1]) if self.known is None else self.known
         return super().__call__([observation[0], self.known], agent, info, rng)
+
+
+def test_faults_of_two_agents_that_hide_each_other_are_undone_at_both() -> None:
+    """Neither alone restores: both are named, each with its own part; a healthy third isn't."""
+    both = {"left_0": Walker("reversed"), "right_0": Strider("reversed")}
+    found = diagnosed("", policies=both, episodes=900)
+    for agent, each in found.agents.items():
+        assert each.answer == "ambiguous"
+        assert each.labels == ("perception", "control")
+        assert each.component == f"{agent}'s perception or {agent}'s control"
+    assert any(" + " in name for name in found.agents["left_0"].substitutes)
+    ones = [undone(BoundaryUndo((a,), "mirror axis", (place,))) for a in "ab" for place in (0, 1)]
+    scaled = undone(BoundaryUndo(("a",), "rescale axes", amount=2.0))
+    same, *others = pairs_of([scaled, *ones])
+    assert [part.undo.places for part in same.parts if part.undo] == [(0,), (0,)]
+    assert len(others) == 3
+    assert same.labels == ("control",)
+    setup = same.applied(Setup("env"))
+    assert [undo.agents for undo in setup.undos] == [("a",), ("b",)]
 
 
 def test_what_outlives_a_policys_own_reset_is_gone_with_its_object() -> None:

@@ -115,7 +115,7 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
     if is_any_scale(substitutes) or is_any_exchange(substitutes):
         whose = dict.fromkeys(agent for one in substitutes for agent in one.agents)
         return f"the policy of {', '.join(whose)}, or what it makes of what it observes"
-    between = " or " if finding.answer == "ambiguous" else " and "
+    between = " and " if finding.answer == "joint" else " or "
     return between.join(
         dict.fromkeys(part for one in substitutes for part in one.shown.split(between))
     )
@@ -124,7 +124,7 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
 def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> AgentDiagnosis:
     """The answer for an agent of several: of a pair, or of what may be it, only its own part."""
     parts = list(finding.substitutes)
-    if finding.answer == "joint":
+    if finding.answer == "joint" or all(one.is_pair for one in parts):
         parts = [leaf for one in parts for leaf in one.leaves]
     mine = [one for one in parts if agent in one.concerned]
     if not mine or len(mine) == len(parts):
@@ -152,7 +152,7 @@ def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
 
 def _kind(substitute: IdealSubstitute) -> str:
     """The kind of a substitute: an undo from outside, a swapped policy, or an ideal."""
-    if substitute.undo is not None or substitute.component == CARRIED:
+    if substitute.undo is not None or substitute.is_pair or substitute.component == CARRIED:
         return "undo"
     is_swap = substitute.component == POLICY and substitute.steps[0][3] != REFERENCE
     return "swap" if is_swap else "ideal"

@@ -73,7 +73,7 @@ class Experiment:
         budget: env steps that may be taken.
         pairs: those that are confirmed, and least sets that were shrunk from a group.
         least: names of groups of which nothing can be left out.
-        groups: sets that were tried while a group was shrunk, by name.
+        groups: sets that were tried while a group was shrunk, and undos in pairs, by name.
         confirmed: names of the arms that the answers are given on.
         skipped: the ideal substitutes that the budget didn't reach.
         not_played: what the budget didn't reach, in words.
@@ -81,6 +81,7 @@ class Experiment:
         undos: undos from outside, and policies of peers, that are confirmed.
         dropped: number of those that the search dropped.
         idle: number of memory resets that the search dropped.
+        paired: number of pairs of undos that were tried.
         rivals: those that restored in the search, and weren't confirmed for want of budget.
         extra: episodes that were played, or are to be, outside of arms.
         recordings: episodes of each arm that are recorded into a run.
@@ -108,6 +109,7 @@ class Experiment:
     undos: list[IdealSubstitute] = field(default_factory=list)
     dropped: int = 0
     idle: int = 0
+    paired: int = 0
     rivals: list[IdealSubstitute] = field(default_factory=list)
     skipped: list[IdealSubstitute] = field(default_factory=list)
     not_played: list[str] = field(default_factory=list)
@@ -412,6 +414,7 @@ class Experiment:
             skipped=self.skipped,
             limit=self.limit,
             dropped=self.dropped + self.idle,
+            paired=self.paired,
             rng=np.random.default_rng([11, self.seed]),
         )
         found = replace(found, rivals=tuple(self.rivals))

@@ -105,6 +105,7 @@ def judged(
     skipped: Sequence[IdealSubstitute] = (),
     limit: str = "budget",
     dropped: int = 0,
+    paired: int = 0,
     least: Collection[str] = (),
     rng: Generator,
 ) -> ScopeFinding:
@@ -119,6 +120,7 @@ def judged(
         skipped: ideal substitutes that weren't played, as the budget was spent.
         limit: what may be played at most, in words.
         dropped: undos and policies of peers that the search tried and dropped.
+        paired: pairs of undos that the search tried.
         least: names of groups of which nothing can be left out; such a group goes before a part of
             it that it beats beyond chance.
         rng: for intervals that are drawn.
@@ -126,7 +128,7 @@ def judged(
     answer: Answer
     share = wilson(int(unchanged.sum()), len(unchanged))
     success = (share.p, share.low, share.high)
-    tried = _tried(unchanged, arms, expected, part, dropped, rng)
+    tried = _tried(unchanged, arms, expected, part, dropped + paired, rng)
     if not is_failing(unchanged, expected):
         why = (
             f"{int(unchanged.sum())} of {len(unchanged)} new episodes succeed ({share.p:.0%}, 95 % "
@@ -137,7 +139,7 @@ def judged(
         return ScopeFinding(answer, (), (), tried, success, why)
     wider = [one for one in tried if one.restores and one.substitute.name in least]
     best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
-    singles = [one for one in best if "+" not in one.substitute.component]
+    singles = [one for one in best if not _is_of_several(one.substitute)]
     if singles:
         return _beside_policies(_of_singles(singles, tried, success, skipped), arms, rng)
     better = [one for one in best if _beats_its_parts(one, arms, rng)]
@@ -159,8 +161,14 @@ def judged(
         )
         return ScopeFinding("ambiguous", labels, (), tried, success, why)
     why = _why_none(arms, everything, skipped, limit, dropped)
+    why += f", nor do {paired} pairs of undos at two agents" if paired else ""
     answer = "unexplained" if arms or dropped else "not_tried"
     return ScopeFinding(answer, (), (), tried, success, why)
+
+
+def _is_of_several(one: IdealSubstitute) -> bool:
+    """Of different components, or undos of different agents: each part may be enough."""
+    return "+" in one.component or one.is_pair
 
 
 def cut_early(finding: ScopeFinding, turn: int | None, horizon: int | None) -> ScopeFinding:

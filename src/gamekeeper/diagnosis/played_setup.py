@@ -48,7 +48,7 @@ class Setup:
         renews: agents whose policy's object is a fresh one in each episode.
         most_turns: episodes are cut there.
         change: what a rerun does otherwise.
-        undo: stands between the game and the policies of some agents.
+        undos: stand between the game and the policies of some agents, each of other ones.
         typical_turns: median length of the recorded episodes; nothing is played by it.
     """
 
@@ -62,7 +62,7 @@ class Setup:
     renews: tuple[str, ...] = ()
     most_turns: int = MOST_TURNS
     change: Intervention | None = None
-    undo: BoundaryUndo | None = None
+    undos: tuple[BoundaryUndo, ...] = ()
     typical_turns: int | None = None
 
     def policy_of(self, agent: str, contract: Contract) -> Any:
@@ -97,7 +97,7 @@ class Setup:
             "renews": list(self.renews),
             "most_turns": self.most_turns,
             "change": None if self.change is None else self.change.to_json(),
-            "undo": None if self.undo is None else self.undo.to_json(),
+            "undos": [each.to_json() for each in self.undos],
         }
 
     @classmethod
@@ -105,7 +105,7 @@ class Setup:
         """Inverse of `to_json`."""
         given: Any = from_json(data["given"])
         kwargs, options, settings, layers = given
-        change, undo = data["change"], data["undo"]
+        change = data["change"]
         return cls(
             spec=data["spec"],
             kwargs=kwargs,
@@ -117,7 +117,7 @@ class Setup:
             renews=tuple(data["renews"]),
             most_turns=data["most_turns"],
             change=None if change is None else Intervention.from_json(change),
-            undo=None if undo is None else BoundaryUndo.from_json(undo),
+            undos=tuple(map(BoundaryUndo.from_json, data["undos"])),
         )
 
 
@@ -308,8 +308,8 @@ class OpenSetup:
                 self._renew = self.cast.renewer(setup.renews)
             if setup.forgets:
                 self.cast = _Forgetful(self.cast, setup.forgets)
-            if setup.undo is not None:
-                self.cast = UndoneCast(self.cast, setup.undo, self.env, contract)
+            for undo in setup.undos:
+                self.cast = UndoneCast(self.cast, undo, self.env, contract)
         except BaseException:
             self.close()
             raise

@@ -78,9 +78,14 @@ class IdealSubstitute:
 
     @property
     def undo(self) -> BoundaryUndo | None:
-        """The undo that it is; None: something is at its ideal."""
+        """The undo that it is; None: something is at its ideal, or it is several at once."""
         value = self.steps[0][3]
-        return value if isinstance(value, BoundaryUndo) else None
+        return value if isinstance(value, BoundaryUndo) and not self.parts else None
+
+    @property
+    def is_pair(self) -> bool:
+        """Tells whether it is undos of several agents at once."""
+        return any(leaf.undo is not None for part in self.parts for leaf in part.leaves)
 
     @property
     def leaves(self) -> tuple[IdealSubstitute, ...]:
@@ -98,20 +103,28 @@ class IdealSubstitute:
         return undo is not None and undo.way == "rescale fields" and 1 < undo.amount < PIXELS
 
     @property
+    def is_offset(self) -> bool:
+        """Tells whether it adds a constant: a wrong sensor, action and aim may all need one."""
+        return self.undo is not None and self.undo.way in ("shift field", "shift axis")
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
-        if self.between or self.is_gain or self.is_either:
+        if self.between or self.is_gain or self.is_offset or self.is_either:
             return ()
+        if self.is_pair:
+            named = {label for part in self.parts for label in part.labels}
+            return tuple(label for label in LABELS if label in named)
         return tuple(each for each in self.component.split(" + ") if each in LABELS)
 
     @property
     def concerned(self) -> tuple[str, ...]:
         """The agents whose fault it may be: of messages that a listener misreads the speaker too.
 
-        What is undone at the speaker for all that hear it may have changed on its way, but isn't
-        any one listener's.
+        What is undone at the speaker for several that hear it isn't any one listener's; where one
+        alone hears it, that one may misread it.
         """
-        if self.between and self.agents != self.between[:1]:
+        if self.between and (self.agents != self.between[:1] or len(self.between) == 2):
             return tuple(dict.fromkeys((*self.between, *self.agents)))
         return self.agents
 
@@ -127,9 +140,16 @@ class IdealSubstitute:
         whose = f"{joined_names(self.agents)}'s " if self.agents else ""
         if self.is_gain:
             return f"{whose}gain, from what is observed to what is done"
+        if self.is_offset:
+            return (
+                f"a constant offset in what {joined_names(self.agents)} observes, aims at or does"
+            )
+        if self.is_pair:
+            return " and ".join(dict.fromkeys(part.shown for part in self.parts))
         if self.between:
             text = f"messages from {self.between[0]} to {joined_names(self.between[1:])}"
-            return f"{whose}{self.component} or {text}" if self.agents == self.between[:1] else text
+            is_own = len(self.between) > 2 and self.agents == self.between[:1]
+            return f"{whose}{self.component} or {text}" if is_own else text
         if self.component == MESSAGES and self.undo is not None:
             names = f"{self.undo.names[0]} to {joined_names(self.undo.agents)}"
             return f"messages from {names}, late or lost on their way"
@@ -473,7 +493,7 @@ def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setu
     if where == "forgets":
         return replace(setup, forgets=(*setup.forgets, whom))
     if where == "undo":
-        return replace(setup, undo=value)
+        return replace(setup, undos=(*setup.undos, value))
     return replace(setup, most_turns=value)
 
 

@@ -32,6 +32,13 @@ MOST_LAG: Final = 20
 """Decisions up to which a policy's slowest reactions are settled."""
 UNKNOWN: Final = 0.5
 """Part of the shown values that may lie outside of what was recorded of a field."""
+MOST_SHIFTED: Final = 12
+"""Numbers up to which constants are added to single ones."""
+PARTS: Final = (0.2, 0.35, 0.1, 0.6)
+"""Parts of a span that are added, likely ones first."""
+SHIFTED: Final = 4
+"""Tier of constants: they are many."""
+NONE: Final = frozenset[str]()
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
 Candidate: TypeAlias = tuple[int, BoundaryUndo]
@@ -131,6 +138,39 @@ def _value_undos(
     if count > 2 and way == "exchange actions":
         for by in (1.0, -1.0):
             yield tier, BoundaryUndo(agents, "shift actions", (axis.place,), by)
+
+
+def shift_undos(
+    agents: tuple[str, ...],
+    fields: Sequence[NumberField],
+    deaf: frozenset[str],
+    axes: Sequence[NumberField],
+    own: Sequence[Any],
+) -> Iterator[Candidate]:
+    """Constants added to a field of what an agent observes, or to an axis of what it does.
+
+    How much is told by the values that were recorded: a few parts of the span of most of them.
+    """
+    for one in fields if len(fields) <= MOST_SHIFTED else ():
+        values = _numbers(one, own)
+        if one.name in deaf or not values.size:
+            continue
+        low, high = np.quantile(values, (0.05, 0.95))
+        for by in _constants(float(high - low), is_whole=one.is_whole):
+            undo = BoundaryUndo(agents, "shift field", (one.place,), by, names=(one.name,))
+            yield SHIFTED, undo
+    for one in axes if len(axes) <= MOST_SHIFTED else ():
+        if np.isfinite([one.low, one.high]).all() and not one.is_whole:
+            for by in _constants(one.high - one.low, is_whole=False):
+                yield SHIFTED, BoundaryUndo(agents, "shift axis", (one.place,), by)
+
+
+def _constants(span: float, *, is_whole: bool) -> list[float]:
+    """Constants of both signs, rounded for people; of whole numbers 1 and 2."""
+    if not span > 0:
+        return []
+    parts = (1.0, 2.0) if is_whole else [float(f"{part * span:.2g}") for part in PARTS]
+    return [sign * part for part in parts for sign in (1, -1)]
 
 
 def call_undos(
@@ -256,13 +296,16 @@ def _of_group(
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
     if tests and all(each.changes and not each.reactions for each in tests):
         return  # one constant in place of another would make up for nothing that it misreads
+    fields: Sequence[NumberField] = ()
+    own = [each for agent in group for each in seen.get(agent, ())]
+    deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
     if observed is not None:
-        deaf = [frozenset(each.deaf) for each in tests] or [frozenset[str]()]
         fields = observed_fields(stage.contract, group[0], observed)
-        own = [each for agent in group for each in seen.get(agent, ())]
         known = [each for agent in _like(stage, group[0], seen) for each in seen[agent]]
-        for tier, undo in observation_undos(group, fields, frozenset.intersection(*deaf)):
+        for tier, undo in observation_undos(group, fields, deaf):
             if is_known_range(undo, fields, own, known):
                 yield tier, undo
-    if acted is not None:
-        yield from action_undos(group, acted_fields(acted))
+    axes = () if acted is None else acted_fields(acted)
+    yield from action_undos(group, axes)
+    if len(group) == 1:  # at all of several it would make up for what pushes them all
+        yield from shift_undos(group, fields, deaf, axes, own)

@@ -21,6 +21,7 @@ from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
 from gamekeeper.diagnosis.responses import responses_of
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import candidates_of, is_either
+from gamekeeper.diagnosis.undo_pairs import ranked_undos, search_pairs
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.interventions.fields import acted_fields
@@ -42,6 +43,8 @@ CONFIRMED: Final = 5
 """Undos that are confirmed at most."""
 ASIDE: Final = 24
 """Episodes that stay for counterfactuals and recordings of what restores."""
+NONE: Final = ("unexplained", "not_tried")
+"""Answers with which two undos at once are tried."""
 UNDONE: Final = 0.75
 """The part of what is left of the budget that undos get."""
 
@@ -77,7 +80,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             if one.agents[0] in agents
         ]
         experiment.undos = peers[: experiment.left // (2 * ROUNDS[1])]
-        ranked = _ranked(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
+        ranked = ranked_undos(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
         replaced = {one.agents[0] for one, share in ranked.items() if share >= RIVAL}
         undos = candidates_of(
             stage,
@@ -100,6 +103,8 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     renewals = [one for one in experiment.renewals if set(one.agents) & {*agents}]
     candidates = [*experiment.undos, *renewals, *touched]
     search(experiment, candidates, failing, scopes)
+    if all(experiment.finding(each).answer in NONE for each in scopes):
+        search_pairs(experiment, touched, failing, scopes, aside=ASIDE)
     return responses
 
 
@@ -180,11 +185,11 @@ def search(
     rivals, open_ones = list[IdealSubstitute](), list[IdealSubstitute]()
     experiment.undos = pool
     for at, until in pairwise((*ROUNDS, ROUNDS[-1])):
-        ranked = _ranked(experiment, pool, failing[:at], scopes)
+        ranked = ranked_undos(experiment, pool, failing[:at], scopes)
         if rest:
             more, rest, open_ones = _other_boundaries(experiment, ranked, rest, count, later)
             experiment.undos = [*pool, *more]
-            ranked = _ranked(experiment, experiment.undos, failing[:at], scopes)
+            ranked = ranked_undos(experiment, experiment.undos, failing[:at], scopes)
             if rest:
                 text = f"{len(rest)} of {len(candidates)} undos from outside"
                 experiment.not_played.append(text)
@@ -283,28 +288,3 @@ def _of_each(ranked: Sequence[IdealSubstitute]) -> list[IdealSubstitute]:
         firsts.setdefault((one.component, one.agents), one)
     best = sorted(firsts.values(), key=lambda one: one.component == POLICY)
     return [*best, *(one for one in ranked if one not in best)]
-
-
-def _ranked(
-    experiment: Experiment,
-    undos: Sequence[IdealSubstitute],
-    episodes: Sequence[int],
-    scopes: Sequence[str],
-) -> Mapping[IdealSubstitute, float]:
-    """Shares of the episodes that succeed with each undo, the best first; returns break ties."""
-    seed, runner = experiment.search_seed, experiment.runner
-    experiment.play([one.name for one in undos], seed, episodes)
-    played = [one for one in undos if one.name not in runner.broken]
-    shares: dict[IdealSubstitute, tuple[float, float]] = {}
-    for one in played:
-        outcomes = runner.of(one.name, seed, episodes)
-        repaired = [s for s in scopes if not experiment.is_at_cost(one, seed, episodes, s)]
-        share = max(
-            (
-                sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
-                for scope in repaired
-            ),
-            default=0.0,
-        )
-        shares[one] = share, sum(each.team_return for each in outcomes)
-    return {one: shares[one][0] for one in sorted(played, key=lambda one: shares[one])[::-1]}

@@ -31,10 +31,17 @@ OnObservation = Literal[
     "exchange values",
     "rescale fields",
     "normalize fields",
+    "shift field",
     "deliver messages",
 ]
 OnAction = Literal[
-    "exchange axes", "mirror axis", "turn axes", "rescale axes", "exchange actions", "shift actions"
+    "exchange axes",
+    "mirror axis",
+    "turn axes",
+    "rescale axes",
+    "shift axis",
+    "exchange actions",
+    "shift actions",
 ]
 OnCalls = Literal["settle", "hold", "commonest"]
 Way: TypeAlias = OnObservation | OnAction | OnCalls
@@ -61,7 +68,7 @@ class BoundaryUndo:
             and `exchange actions` the field or axis and the two values; of `deliver messages` the
             fields, then as many axes of the speaker's action.
         amount: factor of `rescale`, quarter turns of `turn`, lower end of the range up to 1 of
-            `normalize`, values of `shift`, further calls of `settle`, turns of `hold` (its policy
+            `normalize`, what `shift` adds, further calls of `settle`, turns of `hold` (its policy
             is asked at each of them), draws of `commonest`.
         names: of the places, for people; of `deliver messages` the speaker.
     """
@@ -108,12 +115,14 @@ class BoundaryUndo:
             "observation",
             "rescale fields": f"multiplying {whose} observation by {n}",
             "normalize fields": f"normalizing {whose} observation to {n} to 1",
+            "shift field": f"adding {n} to field {what} of {whose} observation",
             "deliver messages": f"giving {', '.join(self.agents)} what {what} said last",
             "exchange axes": f"exchanging axes {self._axes} of {whose} action",
             "mirror axis": f"mirroring axis {self._axes} of {whose} action",
             "turn axes": f"turning axes {self._axes} of {whose} action by "
             f"{90 * self.amount:g} degrees",
             "rescale axes": f"multiplying {whose} action by {n}",
+            "shift axis": f"adding {n} to axis {self._axes} of {whose} action",
             "exchange actions": f"exchanging values {self._values} of "
             f"{f'{what} of ' if what else ''}{whose} action",
             "shift actions": f"shifting {whose} action by {self.amount:+g}",
@@ -151,6 +160,10 @@ class UndoneCast:
         if self._way is not None:
             self._way.begin()
         self._cast.begin(run_seed, episode)
+
+    def asked(self, agent: AgentId, *given: Any, **how: Any) -> Any:
+        """What the policy of another agent says if it is asked several times."""
+        return self._cast.asked(agent, *given, **how)
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """The action of a live agent; an illegal one gives way as `Offer.stand_in` says."""
@@ -282,7 +295,7 @@ def passed_with(undo: BoundaryUndo, fields: Sequence[NumberField], *, is_action:
         if any(number is None for number in read):
             return value
         numbers = rule(np.array(read, np.float64))
-        if is_action:
+        if is_action or undo.way == "shift field":
             numbers = np.clip(numbers, low, high)
         for each, number in zip(chosen, numbers.tolist(), strict=True):
             value = each.write(value, number)
@@ -311,4 +324,6 @@ def _rule(undo: BoundaryUndo, low: Numbers, high: Numbers) -> Callable[[Numbers]
         return lambda x: np.where(x == one, two, np.where(x == two, one, x))
     if undo.way == "shift actions":
         return lambda x: (x - low + amount) % (high - low + 1) + low
+    if undo.way in ("shift field", "shift axis"):
+        return lambda x: x + amount
     return lambda x: x * amount
