@@ -1,16 +1,18 @@
-"""Takes the pictures of a real page: the player in light and dark, and the panel of playing on.
+"""Takes the pictures of real pages: an audit's finding, the player, the panel of playing on.
 
     python docs/pictures/make.py [--folder docs/pictures] [--turn 60]
 
 Records an episode of `warehouse` in which `picker_1` is played by the lazy policy. Its report is
 photographed at one turn; an interactive view of it lets the reference policy play that agent from
-there on, in 64 futures. It asks for Playwright, Pillow and a Chromium
-(`--browser /usr/bin/chromium`).
+there on, in 64 futures. The finding is one of PettingZoo's knights_archers_zombies, from a report
+of one episode with the audit. It asks for Playwright, Pillow, `pettingzoo[butterfly]` and a
+Chromium (`--browser /usr/bin/chromium`).
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import tempfile
 from io import BytesIO
 from pathlib import Path
@@ -29,6 +31,26 @@ ARGUMENTS: Final = ["--no-sandbox", "--disable-gpu", "--no-first-run"]
 COLOURS: Final = 200  # enough for flat colours and grey edges of letters
 PATIENCE_MS: Final = 300_000
 POLICIES: Final = {"picker_1": "lazy", "*": "reference"}
+AUDITED: Final = "butterfly/knights_archers_zombies-v11"
+NARROW: Final = {"width": 760, "height": 900}
+
+
+def audited(folder: Path) -> str:
+    """Address of a report of one episode with the audit that finds GK604."""
+    audit = folder / "audit.json"
+    found = gk.audit(AUDITED, select=("GK604",), budget=1_000)
+    audit.write_text(json.dumps(found.to_json()), encoding="utf-8")
+    gk.rollout(AUDITED, episodes=1, seed=0, out=folder / "knights")
+    return gk.report(folder / "knights", folder / "knights.html", audit=audit).as_uri()
+
+
+def finding(page: Any, address: str) -> bytes:
+    """The card of the first failed check, as PNG."""
+    page.goto(address)
+    page.locator("#gk-player[data-turn]").wait_for(timeout=PATIENCE_MS)
+    card = page.locator("#verdicts .card").first
+    page.mouse.move(0, 0)
+    return bytes(card.screenshot())
 
 
 def player(page: Any, address: str, turn: int) -> bytes:
@@ -73,7 +95,7 @@ def save(png: bytes, path: Path) -> None:
 
 
 def main() -> None:
-    """Writes player-light.png, player-dark.png and play-on.png."""
+    """Writes finding-light.png, finding-dark.png, player-light.png and play-on.png."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent)
     parser.add_argument("--turn", type=int, default=60)
@@ -83,11 +105,13 @@ def main() -> None:
         run = Path(folder) / "lazy-picker"
         gk.rollout("warehouse", policies=POLICIES, episodes=1, seed=0, out=run)
         address = gk.report(run, Path(folder) / "report.html").as_uri()
+        knights = audited(Path(folder))
         browser = playwright.chromium.launch(executable_path=options.browser, args=ARGUMENTS)
         for scheme in ("light", "dark"):
-            page = browser.new_page(viewport=SIZE, color_scheme=scheme)
-            save(player(page, address, options.turn), options.folder / f"player-{scheme}.png")
+            page = browser.new_page(viewport=NARROW, color_scheme=scheme)
+            save(finding(page, knights), options.folder / f"finding-{scheme}.png")
         page = browser.new_page(viewport=SIZE, color_scheme="light")
+        save(player(page, address, options.turn), options.folder / "player-light.png")
         with Viewer([run], interactive=PlayOnOptions()) as view:
             save(panel(page, view, options.turn), options.folder / "play-on.png")
         browser.close()

@@ -81,7 +81,7 @@ def test_pair_has_one_first_difference(open_page: Open) -> None:
     said = f"right less left: {gap:g} at the end; widest at turn 40, {gap:g}."
     expect(page.locator(".scrub-curve .note")).to_contain_text(said)
     assert page.locator(".jump-divergence").all_inner_texts() == [
-        "◆ turn 32: divergence, carrier_0, obs differs"
+        "◆ turn 32: first difference, carrier_0, obs differs"
     ]
 
 
@@ -95,7 +95,7 @@ def test_episodes_beside_each_other_begin_where_they_part(open_page: Open) -> No
     assert (
         told == f"First difference: turn 33, carrier_0, action {actions[0]} against {actions[1]}."
     )
-    assert page.get_by_role("button", name="turn 33: divergence, carrier_0").count() == 1
+    assert page.get_by_role("button", name="turn 33: first difference, carrier_0").count() == 1
     assert page.locator("td.differs").count() == 2
     assert (
         page.locator("article").nth(1).inner_text().count("A counterfactual of runs/a, episode 0")

@@ -144,7 +144,7 @@ def test_touch_scrubs(open_page: Open) -> None:
     page = open_page(whole_page(), address="#play:a/0/0", has_touch=True, viewport=size)
     page.wait_for_selector("#gk-player[data-turn]")
     lanes = page.locator(".lanes-canvas")
-    lanes.scroll_into_view_if_needed()
+    lanes.evaluate("lanes => lanes.scrollIntoView({ block: 'center', behavior: 'instant' })")
     box = lanes.bounding_box()
     page.touchscreen.tap(box["x"] + box["width"] / 2, box["y"] + 10)
     assert turn_of(page) == 30

@@ -94,7 +94,7 @@ def test_pivots_stand_on_the_timeline(open_page: Open) -> None:
     packed = {**parallel_episode(), "curve": curve}
     packed["marks"] = [*packed["marks"], mark]
     page = opened(open_page, packed)
-    page.get_by_role("button", name="pivot, picker_0, success falls").click()
+    page.get_by_role("button", name="lost here, picker_0, success falls").click()
     assert turn_of(page) == 23
     label = page.locator(".scrub-curve canvas").get_attribute("aria-label")
     assert "90 % from turn 0" in label

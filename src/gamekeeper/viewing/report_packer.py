@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from gamekeeper.reporting.diagnosis_text import restored_first
 from gamekeeper.reporting.page.composition import Documents, Pair, ShownRun
 from gamekeeper.reporting.page.episode_list import Budget, entries_of, packed_of
 from gamekeeper.reporting.page.packed_episode import Mark, deflated
@@ -90,7 +91,9 @@ class Packer:
         self._pairs, self._budget, self._frames = pairs, budget, frames
         self._pictures = {run.key: Pictures(Path(run.path)) for run in runs}
         self._why: dict[tuple[str, int], tuple[str, ...]] = {}
-        self._first_divergences = (documents.diagnosis or {}).get("counterfactuals") or ()
+        diagnosis = documents.diagnosis or {}
+        self._counterfactuals = diagnosis.get("counterfactuals") or ()
+        self._named = restored_first(diagnosis)
         self._pivots, self._main = documents.pivots, runs[0].key
 
     def has(self, pair: Pair) -> bool:
@@ -157,14 +160,23 @@ class Packer:
                     yield Mark(where.turn, "divergence", text, where.agent)
                 if (key, number) == pair.right and pair.right[0] not in LETTERS:
                     yield Mark(0, "change", self._runs[key].name)
+        yield from self._first_differences(number) if key == self._main else ()
+
+    def _first_differences(self, number: int) -> Iterator[Mark]:
+        """First differences of an episode from its counterfactuals; the one the answers name."""
+        named = self._named or {}
         places: dict[tuple[int, str | None, str], list[str]] = {}
-        for each in self._first_divergences if key == self._main else ():
+        for each in self._counterfactuals:
             if each["episode"] == number and each["turn"] is not None:
                 place = int(each["turn"]), each["agent"], str(each["field"])
-                places.setdefault(place, []).append(each["intervention"])
-        for (turn, agent, field), names in places.items():
+                names = places.setdefault(place, [])
+                names.insert(0 if each is named else len(names), each["intervention"])
+        of_answer = tuple(named.get(name) for name in ("turn", "agent", "field"))
+        for place, names in places.items():
+            turn, agent, field = place
+            is_answer = number == named.get("episode") and place == of_answer
             text = f"{field} differs with {few(dict.fromkeys(names), most=1)}"
-            yield Mark(turn, "divergence", text, agent)
+            yield Mark(turn, "since" if is_answer else "divergence", text, agent)
 
     def entries(self, run: ShownRun) -> Iterator[dict[str, Any]]:
         """Entries of the run's episodes; of counterfactuals only those that are on the page."""

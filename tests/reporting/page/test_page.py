@@ -198,7 +198,7 @@ def test_page_of_a_bare_run_says_what_is_missing(tmp_path: Path) -> None:
     run = recorded(tmp_path / "run") and tmp_path / "run"
     page = report(run, tmp_path / "p.html").read_text()
     text = " ".join(Read(page).text.split())
-    assert "Commands for what was not asked: diagnosis, attribution, audit, evaluation" in text
+    assert "Not part of this page, with commands: diagnosis, attribution, audit, evaluation" in text
     for command in (f"diagnose {run}", f"attribute {run}", "audit ", "evaluate ..."):
         assert f"gamekeeper {command}" in text
     ids = [value for tag, name, value in Read(page).attributes if (tag, name) == ("section", "id")]
@@ -288,7 +288,7 @@ def test_outcome_needs_a_condition(failure: str | None, expected: str) -> None:
     run = shown(recorded(failure=failure), key="a", path="run", name="run")
     answers = {each.question: each.text for each in answers_of(run, Documents())}
     assert answers["Outcome"] == expected
-    assert answers["Files"] == "A run that isn't finalized has no checksums to compare."
+    assert answers["Evidence"] == "A run that isn't finalized has no checksums to compare."
 
 
 def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
@@ -303,8 +303,7 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     restored = next(each for each in told["counterfactuals"] if each["restored"])
     assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link
     assert (cause.word, "isolated" in cause.text) == ("one_0", True)
-    assert "new episodes succeed; unchanged, " in found["Otherwise"].text
-    assert "Lowest return" not in found  # the lowest is often another agent's than the cause
+    assert "new episodes succeed; unchanged, " in found["With one change"].text
 
 
 def test_a_cause_that_is_no_agents_own_is_named_with_its_reason() -> None:
@@ -365,7 +364,7 @@ def test_causes_are_counted_apart_from_what_follows() -> None:
     found = {each.question: each for each in answers_of(run, Documents(audit=told))}
     assert found["Findings"].word == "1 cause, 1 follows from it"
     assert found["Findings"].lines == ("GK106  Should hold: It stays.",)
-    assert (found["Otherwise"].word, found["Otherwise"].badge) == ("tested", "tested")
+    assert (found["With one change"].word, found["With one change"].badge) == ("tested", "tested")
 
 
 def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: Path) -> None:
@@ -379,7 +378,7 @@ def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: 
     block = not_asked(replace(run, failed=(True,)), told, env="ENV")
     assert block is not None
     assert "pivots" in block.title
-    assert f"`gamekeeper view {run.path} --interactive`" in found["Otherwise"].text
+    assert f"`gamekeeper view {run.path} --interactive`" in found["With one change"].text
 
 
 def test_missing_run_is_refused(tmp_path: Path) -> None:

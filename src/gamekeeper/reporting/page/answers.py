@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, TypedDict
 
 import numpy as np
@@ -56,34 +56,29 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
     """
     found = (
         _state(run),
-        _verified(run),
         _outcome(run),
         _cause(run, documents.diagnosis),
         _did(run, documents.diagnosis),
         _findings(documents.audit),
         _otherwise(run, documents),
         _lost(run, documents),
-        _least(run, documents),
+        _least(run, documents.attribution),
         _compared(documents.evaluation),
+        _verified(run),
         _again(run),
     )
     return tuple(each for each in found if each is not None)
 
 
-_EXPANDED: Final = "; it was recorded small, and played again in full by `gamekeeper expand`"
-
-
-def _state(run: ShownRun) -> Answer:
-    """State of the recording; an episode that broke off comes first."""
-    status = run.card.status
-    text = " ".join(state_texts(run)) or (
-        f"The run is complete{_EXPANDED if run.evidence.manifest.get('expanded') else ''}."
-        if status in STATES
-        else "The run is in memory."
-    )
+def _state(run: ShownRun) -> Answer | None:
+    """State of a recording that is incomplete or was recovered; None of one that is complete."""
+    status, text = run.card.status, " ".join(state_texts(run))
+    badge = STATES.get(status, "passed")
+    if not text and badge == "passed":
+        return None
     cut = _cut(run)
     if not cut:
-        return Answer("State", text, status, STATES.get(status, "plain"))
+        return Answer("State", text or "The run is complete.", status, badge)
     word, badge = ("failed", "failed") if cut[0].get("error") else (status, "warn")
     return Answer("State", text, word, badge, **_last_turn(run, cut[0]))
 
@@ -121,9 +116,11 @@ def _verified(run: ShownRun) -> Answer:
     link: Link = {"link": "#provenance", "link_text": "provenance"}
     if root is None:
         text = "A run that isn't finalized has no checksums to compare."
-        return Answer("Files", text, "not compared", "warn", **link)
-    text = f"Every file matches its checksum, root digest {root[:DIGITS]}; not replayed here."
-    return Answer("Files", text, "intact", "passed", **link)
+        return Answer("Evidence", text, "not compared", "warn", **link)
+    text = f"Every file matches its checksum (root digest {root[:DIGITS]})"
+    if run.evidence.manifest.get("expanded"):
+        text += "; recorded small, and played again in full by `gamekeeper expand`"
+    return Answer("Evidence", f"{text}. This page replayed nothing.", "intact", "passed", **link)
 
 
 def _outcome(run: ShownRun) -> Answer | None:
@@ -188,25 +185,18 @@ def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> Link:
     }
 
 
-def _least(run: ShownRun, documents: Documents) -> Answer | None:
-    """The agent that adds least by an attribution, else the one with the lowest mean return.
-
-    Returns aren't shown beside a diagnosis that names agents: the lowest is often another's.
-    """
-    if len(run.figures.agents) < 2 or not len(run.figures.headers):
-        return None
-    of_agents = (documents.diagnosis or {}).get("agents") or {}
-    is_named = any(each["answer"] in NAMED for each in of_agents.values())
-    found = _least_added(documents.attribution) or (None if is_named else _lowest_return(run))
+def _least(run: ShownRun, attribution: Document | None) -> Answer | None:
+    """The agent that adds least by an attribution; the lowest return names no cause."""
+    found = _least_added(attribution)
     if found is None:
         return None
-    question, agent, text = found
+    agent, text = found
     place = run.figures.agents.index(agent) if agent in run.figures.agents else None
     link = {} if place is None else _worst_episode(run, place)
-    return Answer(question, text, agent, "plain", **link)
+    return Answer("Adds least", text, agent, "plain", **link)
 
 
-def _least_added(attribution: Document | None) -> tuple[str, str, str] | None:
+def _least_added(attribution: Document | None) -> tuple[str, str] | None:
     known = {
         agent: part["difference"]
         for agent, part in ((attribution or {}).get("agents") or {}).items()
@@ -223,41 +213,7 @@ def _least_added(attribution: Document | None) -> tuple[str, str, str] | None:
         else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
     )
     text = f"With {part.get('baseline') or 'a baseline'} in its place the team loses least: "
-    return "Adds least", agent, f"{text}{shown(part['value'])}{between}{_tied(others)}."
-
-
-def _lowest_return(run: ShownRun) -> tuple[str, str, str] | None:
-    """By mean return, of agents in at least half of the episodes; the most idle one beside it."""
-    figures = run.figures
-    counts = figures.present.sum(axis=0)
-    places = [k for k in range(len(figures.agents)) if 2 * counts[k] >= len(figures.headers)]
-    means = {k: float(figures.returns[figures.present[:, k], k].mean()) for k in places}
-    idle = _most_idle(run, places)
-    if not means or not all(np.isfinite(value) for value in means.values()):
-        return None
-    low, high = min(means.values()), max(means.values())
-    if np.isclose(low, high):
-        text = f"All agents have one mean return, {shown(low)}, so returns don't tell"
-        return None if idle is None else ("Most idle", idle[0], f"{text}; {idle[1]}.")
-    agent = figures.agents[min(means, key=lambda each: means[each])]
-    others = int(np.isclose(list(means.values()), low).sum()) - 1
-    text = f"Its mean return is {shown(low)}{_tied(others)}, the highest {shown(high)}"
-    return "Lowest return", agent, f"{text}; {idle[1]}." if idle else f"{text}."
-
-
-def _most_idle(run: ShownRun, places: Sequence[int]) -> tuple[str, str] | None:
-    """The agent with the largest part of declared noops, and that part in words."""
-    known = {
-        agent: own.idle
-        for agent in (run.figures.agents[k] for k in places)
-        for own in [run.evidence.summary.agents.get(agent)]
-        if own is not None and own.idle is not None
-    }
-    if not known or len(set(known.values())) == 1:
-        return None
-    agent = max(known, key=lambda each: known[each] or 0.0)
-    others = list(known.values()).count(known[agent]) - 1
-    return agent, f"most idle is {agent}, {known[agent]:.0%} of its actions{_tied(others)}"
+    return agent, f"{text}{shown(part['value'])}{between}{_tied(others)}."
 
 
 def _worst_episode(run: ShownRun, place: int) -> Link:
@@ -321,10 +277,10 @@ def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     text = _restored(_named(documents.diagnosis), first.get("intervention"))
     if text:
         link: Link = {"link": "#causes", "link_text": "what was tested"}
-        return Answer("Otherwise", text, "tested", "tested", **link)
+        return Answer("With one change", text, "tested", "tested", **link)
     text = _held_still(documents.audit)
     if text:
-        return Answer("Otherwise", text, "tested", "tested", "#verdicts", "verdicts")
+        return Answer("With one change", text, "tested", "tested", "#verdicts", "verdicts")
     if documents.diagnosis is not None or documents.pivots is not None:
         return None
     if run.evidence.root is None or env_words(run.evidence) is None:
@@ -333,7 +289,7 @@ def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     text = f"`gamekeeper view {path} --interactive` plays on from any turn with one thing changed"
     if any(run.failed):
         text = f"`gamekeeper diagnose {path}` finds what would have let it succeed; {text}"
-    return Answer("Otherwise", f"{text}.", "not tested", "not_tested")
+    return Answer("With one change", f"{text}.", "not tested", "not_tested")
 
 
 def _restored(named: Mapping[str, Document], first: str | None) -> str:
@@ -422,11 +378,10 @@ def _findings(audit: Document | None) -> Answer | None:
     causes.sort(key=lambda each: SEVERITIES.index(each["severity"]))
     more = len(causes) - MOST_BROKEN
     words = failed_words(bad).removeprefix(f"{len(bad)} failed: ")
-    text = f"{_checks(len(bad))} failed"
+    text = f"{_checks(len(bad))} of the environment failed"
     tried = [each["reproduced"] for each in causes if each.get("reproduced")]
     if tried and all(each["failed"] == each["tried"] for each in tried):
-        shown_by = "program that shows it" if len(tried) == 1 else "programs that show them"
-        text += f". The {shown_by} failed again in every new process"
+        text += "; what causes them was seen again in every new process"
     lines = [*map(_broken, causes[:MOST_BROKEN]), *([f"and {more} more"] if more > 0 else [])]
     return Answer("Findings", f"{text}.", words, "failed", lines=tuple(lines), **link)
 
@@ -478,7 +433,7 @@ def not_asked(run: ShownRun, documents: Documents, *, env: str) -> PageBlock | N
     if not missing:
         return None
     return PageBlock(
-        title=f"Commands for what was not asked: {', '.join(missing)}",
+        title=f"Not part of this page, with commands: {', '.join(missing)}",
         snippets=(("Commands", "\n".join(asked[name] for name in missing)),),
         folded=True,
         anchor="not-asked",

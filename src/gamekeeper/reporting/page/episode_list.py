@@ -246,8 +246,9 @@ def order_of(
 ) -> list[tuple[int, tuple[str, ...]]]:
     """All episodes in the order in which they are put on the page, each with its reasons.
 
-    Named ones first, then unfinished ones, those with labels or divergences, one that failed, the
-    median and the best by team return, the other failing ones; then the rest, spread over the run.
+    Named ones first, then unfinished ones, those with labels or divergences, one that failed (the
+    lowest team return, where no failure is declared), the median and the best by team return, the
+    other failing ones; then the rest, spread over the run.
 
     Args:
         figures: of the run.
@@ -272,14 +273,15 @@ def order_of(
             )
     failed = [number for number, bad in zip(numbers, failing, strict=True) if bad]
     stopped = [int(each["episode"]) for each in figures.headers if each["end"] in UNFINISHED]
-    median, best = _middle_and_best(figures, numbers)
+    lowest, median, best = _by_team(figures, numbers)
+    is_judged = any(each is not None for each in failing)
     reasons: dict[int, list[str]] = {}
     for why, group in (
         ("named", named),
         ("unfinished", stopped),
         ("label", labelled),
         ("divergence", diverging),
-        ("failing", failed[:1]),
+        ("failing", failed[:1]) if is_judged else ("lowest", lowest),
         ("median", median),
         ("best", best),
         ("failing", failed[1:]),
@@ -292,12 +294,13 @@ def order_of(
     return [(number, tuple(given)) for number, given in reasons.items()]
 
 
-def _middle_and_best(figures: Figures, numbers: Sequence[int]) -> tuple[list[int], list[int]]:
+def _by_team(figures: Figures, numbers: Sequence[int]) -> tuple[list[int], ...]:
+    """The first episode with the lowest team return, the median one and the best."""
     team = np.where(np.isfinite(figures.team), figures.team, -np.inf)
     if not len(team):
-        return [], []
+        return [], [], []
     by_team = np.argsort(team, kind="stable")
-    return [numbers[int(by_team[(len(team) - 1) // 2])]], [numbers[int(by_team[-1])]]
+    return tuple([numbers[int(by_team[place])]] for place in (0, (len(team) - 1) // 2, -1))
 
 
 def _spread(numbers: Sequence[int]) -> list[int]:

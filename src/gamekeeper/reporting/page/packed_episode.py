@@ -57,7 +57,8 @@ class Mark:
 
     Attributes:
         turn: the place.
-        kind: `divergence`, `failure`, `pivot`, `label`, `error`, `ending` or `change`.
+        kind: `since` (the first difference that the answers name), `divergence`, `failure`,
+            `pivot`, `label`, `error`, `ending` or `change`.
         text: its description.
         agent: agent that it belongs to; None: all.
     """

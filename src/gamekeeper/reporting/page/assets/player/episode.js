@@ -68,7 +68,8 @@ gk.Episode = class {
     this.terms = Object.create(null); // a term may have any name, "constructor" too
     for (const [name, column] of Object.entries(rows.terms ?? {})) this.terms[name] = numbers(column, n);
     this.checksums = checksums(packed.checksums);
-    this.last = n ? this.turn[n - 1] : 0;
+    this.last = Math.max(n ? this.turn[n - 1] : 0, packed.end === "ended" ? packed.turns : 0); // of T steps turns 0 to T, the last without actions
+    this.isTurnwise = packed.api === "aec"; // else the cumulative reward is the reward of the turn before
     // What was found after the last row belongs to it.
     this.marks = (packed.marks ?? []).map((mark) => ({ ...mark, turn: Math.max(0, Math.min(mark.turn, this.last)) })).sort((a, b) => a.turn - b.turn);
     this.byTurn = grouped(this.turn, this.last + 1).start;
@@ -124,6 +125,11 @@ gk.Episode = class {
     return Math.abs(sum) < this.tallest * 1e-12 ? 0 : sum; // what floats leave of a sum of 0
   }
 
+  // Whether an agent has ended before a turn.
+  hasEnded(agent, turn) {
+    return this.ends[agent] !== null && this.ends[agent].turn < turn;
+  }
+
   // Whether the agent's action in a row is its declared "nothing".
   isIdle(row) {
     return this.action[row] >= 0 && this.idle[this.agent[row]].has(this.action[row]);
@@ -149,7 +155,7 @@ gk.Episode = class {
   isThere(agent, turn) {
     const [from, past] = [this.agentStart[agent], this.agentStart[agent + 1]];
     if (from === past || this.turn[this.agentRows[from]] > turn) return false;
-    return this.ends[agent] === null || this.ends[agent].turn >= turn;
+    return !this.hasEnded(agent, turn);
   }
 
   // Rewards below 0 that are at least half as large as the largest loss; none where such losses are usual.

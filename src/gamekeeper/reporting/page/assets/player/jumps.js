@@ -4,11 +4,13 @@ const NAMED = 24; // marks with a button each; the brackets reach all
 
 const names = (agents) => (agents.length > 2 ? `${agents.length} agents` : agents.map(gk.visible).join(" and "));
 
+const WORDS = { since: "likely cause", divergence: "first difference", pivot: "lost here" };
+
 // A mark in words; several agents may have one ending.
 gk.markText = (mark) => {
   const who = mark.agents ? names(mark.agents) : mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent);
   const text = gk.visible(mark.text ?? "");
-  return mark.kind === "ending" ? [who, text].filter(Boolean).join(" ") : [mark.kind, who, text].filter(Boolean).join(", ");
+  return mark.kind === "ending" ? [who, text].filter(Boolean).join(" ") : [gk.own(WORDS, mark.kind) ?? mark.kind, who, text].filter(Boolean).join(", ");
 };
 
 // Endings of one turn with one reason as one mark.
@@ -20,11 +22,11 @@ const together = (marks) => {
 
 // `go(mark)`: the reader chose it.
 gk.jumpsOf = (every, { several, go }) => {
-  const isEnding = (mark) => Number(mark.kind === "ending");
-  const marks = together(every).sort((a, b) => isEnding(a) - isEnding(b) || a.turn - b.turn);
+  const isQuiet = gk.quietOf(every);
+  const marks = together(every).sort((a, b) => isQuiet(a) - isQuiet(b) || a.turn - b.turn);
   const made = marks.slice(0, NAMED).map((mark) => {
     const side = several && !mark.both ? `${mark.side}: ` : "";
-    const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
+    const sign = gk.node("span", { "aria-hidden": "true", class: isQuiet(mark) ? "sign sign-quiet" : "sign", text: gk.markSign(mark) });
     const kind = gk.own(gk.MARKS, mark.kind) ? mark.kind : "other";
     const button = gk.node("button", { type: "button", class: `jump jump-${kind}`, title: gk.markText(mark) }, sign, ` turn ${mark.turn}: `, gk.name(`${side}${gk.markText(mark)}`));
     button.addEventListener("click", () => go(mark));

@@ -56,8 +56,10 @@ gk.drawLane = (ink, episode, agent, level, shape) => {
   fill(ink, colours.gain, found.paidHigh, count, (i, value) => bar(ink, i * step, step - gap, middle, -tall(value, episode, middle - 1)));
   fill(ink, colours.loss, found.paidLow, count, (i, value) => bar(ink, i * step, step - gap, middle, tall(value, episode, middle - 1)));
   const dash = (side) => (i, value) => ink.fillRect(i * step, middle + side * tall(value, episode, middle - 1) - 0.75, Math.max(1, step - gap), 1.5);
-  fill(ink, colours.cumulative, found.cumulativeHigh, count, dash(-1));
-  fill(ink, colours.cumulative, found.cumulativeLow, count, dash(1));
+  if (episode.isTurnwise) {
+    fill(ink, colours.cumulative, found.cumulativeHigh, count, dash(-1));
+    fill(ink, colours.cumulative, found.cumulativeLow, count, dash(1));
+  }
   const own = gk.colourAt(gk.placeOf("agent", episode.agents[agent].name));
   drawActs(ink, found.what, count, { step, gap, top: rewards, strip, own, idle: colours.idle });
   drawEnd(ink, episode, agent, shape, colours);

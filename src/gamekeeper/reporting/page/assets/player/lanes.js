@@ -45,13 +45,15 @@ gk.Lanes = class {
     this.scroll = gk.node("div", { class: "lanes-scroll", tabindex: "0", role: "group", "aria-label": label }, this.space);
     this.line = gk.node("div", { class: "lanes-cursor", "aria-hidden": "true" });
     this.shade = gk.node("div", { class: "lanes-range", "aria-hidden": "true", hidden: true });
-    this.box = gk.node("div", { class: "lanes-box" }, this.ruler, this.scroll, this.shade, this.line);
+    this.corner = gk.node("span", { class: "lanes-corner", "aria-hidden": "true" });
+    this.tip = gk.node("span", { class: "lanes-tip", "aria-hidden": "true", hidden: true });
+    this.box = gk.node("div", { class: "lanes-box" }, this.ruler, this.scroll, this.shade, this.line, this.corner, this.tip);
     this.#fit();
     this.canvas.setAttribute("aria-label", this.summary());
     const note = "The height of a reward is the square root of its share of the episode's largest.";
-    this.legend = gk.node("span", { class: "lanes-legend", title: note }, ...gk.legendOf(this.episode, this.every));
+    this.legend = gk.node("p", { class: "lanes-legend", title: note }, ...gk.legendOf(this.episode, this.every));
     this.zooms = this.#zooms();
-    this.root = gk.node("div", { class: "lanes" }, this.zooms, this.box);
+    this.root = gk.node("div", { class: "lanes" }, this.zooms, this.box, this.legend);
   }
 
   // Marks and penalties.
@@ -92,10 +94,10 @@ gk.Lanes = class {
     return gk.node(
       "div",
       { class: "lanes-zooms", role: "group", "aria-label": "Zoom of the lanes" },
+      "Zoom",
       button("−", "Show more turns", () => this.zoomBy(0.5)),
       button("+", "Show fewer turns", () => this.zoomBy(2)),
       button("All", "Show all turns", () => this.zoomBy(0)),
-      this.legend,
     );
   }
 
@@ -105,7 +107,7 @@ gk.Lanes = class {
     let start = 0;
     const follow = (event) => {
       const turn = Math.max(0, Math.min(this.episode.last, at(event)));
-      event.currentTarget.title = `turn ${turn}`;
+      this.#hint(event, turn);
       if (!(event.buttons & 1) && event.type !== "pointerdown") return;
       if (event.type === "pointerdown") start = turn;
       else if (event.currentTarget === this.ruler && turn !== start) return this.brush(start, turn);
@@ -117,6 +119,7 @@ gk.Lanes = class {
         follow(event);
       });
       canvas.addEventListener("pointermove", follow);
+      canvas.addEventListener("pointerleave", () => (this.tip.hidden = true));
     }
     const wheel = (event) => {
       if (!event.ctrlKey) return;
@@ -124,6 +127,23 @@ gk.Lanes = class {
       this.zoomBy(event.deltaY < 0 ? 2 : 0.5);
     };
     this.box.addEventListener("wheel", wheel, { passive: false });
+  }
+
+  // The turn under the pointer, in a lane also what the agent does there and is paid.
+  #hint(event, turn) {
+    const { left, top, width } = this.box.getBoundingClientRect();
+    const down = event.clientY - this.canvas.getBoundingClientRect().top + this.scroll.scrollTop;
+    const agent = down < 0 ? undefined : this.order[Math.floor(down / this.height)];
+    const texts = [`turn ${turn}`];
+    if (agent !== undefined) {
+      const row = this.episode.rowOf(agent, turn);
+      texts.push([gk.visible(this.episode.agents[agent].name), gk.doingText(this.episode, agent, turn)].filter(Boolean).join(": "));
+      if (row >= 0 && !Number.isNaN(this.episode.reward[row])) texts.push(`reward ${gk.number(this.episode.reward[row])}`);
+    }
+    gk.say(this.tip, texts.join(" · "));
+    this.tip.hidden = false;
+    const x = Math.max(0, Math.min(width - this.tip.offsetWidth - 4, event.clientX - left + 12));
+    this.tip.style.transform = `translate(${x}px, ${Math.max(0, event.clientY - top - 30)}px)`;
   }
 
   get perTurn() {
@@ -217,7 +237,7 @@ gk.Lanes = class {
       ink.restore();
     }
     gk.drawRuler(this.ruler, this.episode.last, this.every, shape);
-    this.ruler.style.marginLeft = `${this.left}px`;
+    this.ruler.style.marginLeft = this.corner.style.width = `${this.left}px`;
     this.#nameLanes(from, past, top);
     this.#place();
     this.drawn?.();
@@ -248,12 +268,9 @@ gk.Lanes = class {
 
   // What each agent did at the cursor's turn, under its name.
   #sayActions() {
+    gk.say(this.corner, `at turn ${this.cursor}`);
     if (this.height === CLOSE) return;
-    for (const made of this.pool) {
-      if (made.hidden) continue;
-      const row = this.episode.rowOf(made.agent, this.cursor);
-      gk.say(made.lastChild.lastChild, row < 0 || this.episode.action[row] < 0 ? "" : gk.actionText(this.episode, row));
-    }
+    for (const made of this.pool) if (!made.hidden) gk.say(made.lastChild.lastChild, gk.doingText(this.episode, made.agent, this.cursor));
   }
 
   // What the picture says, for those who don't see it.

@@ -12,12 +12,13 @@ const KEYS = [
 const MEANINGS = {
   failure: "the episode failed",
   error: "error, or the recorder was killed",
+  since: "first difference from the play that the likely cause was found by",
   divergence: "first difference from another play",
   pivot: "turn that lost it",
   label: "label of a failure",
   change: "something was changed",
   ending: "agents ended",
-  penalty: "loss at least half of the largest",
+  penalty: "a large loss: at least half of the largest",
 };
 const SHAPES = ["circle", "square", "triangle", "diamond"]; // as the map draws them
 const MOST = 8; // roles that are told apart in words
@@ -33,7 +34,9 @@ gk.roleWords = (episode) => {
 
 // `marks`: those on show; a sign that isn't there is not explained.
 gk.legendOf = (episode, marks) => {
-  const items = KEYS.map(([kind, text]) => key(gk.node("i", { class: kind, "aria-hidden": "true" }), text));
+  const isThere = { "key-cumulative": episode.isTurnwise, "key-idle": episode.idle.some((values) => values.size) };
+  const keys = KEYS.filter(([kind]) => isThere[kind] ?? true);
+  const items = keys.map(([kind, text]) => key(gk.node("i", { class: kind, "aria-hidden": "true" }), text));
   const kinds = new Set(marks.map((mark) => mark.kind));
   const signs = Object.entries(MEANINGS).filter(([kind]) => kinds.has(kind));
   items.push(...signs.map(([kind, text]) => key(gk.node("span", { class: `sign sign-${kind}`, "aria-hidden": "true", text: gk.markSign({ kind }) }), text)));

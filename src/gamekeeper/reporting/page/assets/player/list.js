@@ -50,8 +50,10 @@ gk.EpisodeList = class {
   fill(entries) {
     this.entries = entries;
     const packed = entries.filter((entry) => entry.packed).length;
+    const changed = entries.filter((entry) => entry.change).length;
+    const played = changed ? `, ${changed} of them played again with one change` : "";
     const more = packed < entries.length ? ` (${packed} of them can be played here; gamekeeper view plays all)` : "";
-    gk.say(this.summary, entries.length === 1 ? "The only episode" : `All ${entries.length} episodes${more}`);
+    gk.say(this.summary, entries.length === 1 ? "The only episode" : `All ${entries.length} episodes${played}${more}`);
     this.agents = [...new Set(entries.slice(0, 200).flatMap((entry) => Object.keys(entry.returns ?? {})))];
     this.several = new Set(entries.map((entry) => entry.run)).size > 1;
     this.draw();

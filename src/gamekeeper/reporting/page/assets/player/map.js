@@ -30,21 +30,25 @@ gk.trackOf = (points) => ({
 
 const overlap = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
 
-// Places for names: right of their signs, left, below or above, where no other sign or name is and the picture doesn't end.
+// Places for names: right of their signs, left, below or above, where no other sign or name is and the picture doesn't end. A name without its action where both don't fit.
 gk.placeNames = (labels, { size, width, height }) => {
   const box = (left, middle, wide, half) => ({ left, middle, right: left + wide, top: middle - half, bottom: middle + half });
   const taken = labels.map(({ x, y }) => box(x - size, y, 2 * size, size));
   const found = [];
-  labels.forEach(({ text, x, y, wide }, i) => {
+  const fit = ({ x, y }, wide, i) => {
     const [apart, below] = [size + 3, size + LETTERS + 2];
     const middle = Math.max(1, Math.min(width - wide - 1, x - wide / 2));
     const places = [[x + apart, y], [x - apart - wide, y], [middle, y + below], [middle, y - below]];
-    const free = places
+    return places
       .map(([left, at]) => box(left, at, wide, LETTERS))
       .find((each) => each.left >= 0 && each.right <= width && each.top >= 0 && each.bottom <= height && !taken.some((other, k) => k !== i && overlap(each, other)));
+  };
+  labels.forEach((label, i) => {
+    const long = label.long && fit(label, label.longWide, i);
+    const free = long || fit(label, label.wide, i);
     if (!free) return;
     taken.push(free);
-    found.push({ text, ...free });
+    found.push({ text: long ? label.long : label.text, ...free });
   });
   return found;
 };
@@ -139,7 +143,7 @@ gk.MapDrawing = class {
       ink.fillRect(x - side / 2, y - side / 2, side, side);
     }
     ink.globalAlpha = 1;
-    if (faint === 1) labels.push([gk.visible(track.name), x, y]);
+    if (faint === 1) labels.push({ name: track.name, doing: gk.doingText(this.episode, track.seat, turn), x, y });
   }
 
   // An agent of the episode beside this one: an outline, joined to where the agent is here.
@@ -180,8 +184,13 @@ gk.MapDrawing = class {
 
   // Names beside their signs; those without room are left out, the lanes have all.
   #name(ink, labels) {
-    const short = labels.map(([text, x, y]) => ({ text: text.length > 18 ? `${text.slice(0, 17)}…` : text, x, y }));
-    const named = gk.placeNames(short.map((each) => ({ ...each, wide: ink.measureText(each.text).width })), this);
+    const short = (text) => (text.length > 18 ? `${text.slice(0, 17)}…` : text);
+    const sized = labels.map(({ name, doing, x, y }) => {
+      const text = short(gk.visible(name));
+      const long = doing && `${text}: ${short(doing)}`;
+      return { text, long, x, y, wide: ink.measureText(text).width, longWide: ink.measureText(long).width };
+    });
+    const named = gk.placeNames(sized, this);
     ink.textAlign = "left";
     ink.lineWidth = 3;
     ink.strokeStyle = gk.colours().raised; // a rim, so that names are read on cells

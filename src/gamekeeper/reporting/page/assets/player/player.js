@@ -2,6 +2,7 @@
 
 const SPEEDS = [1, 2, 5, 10, 20, 50, 100, 200, 500]; // turns a second
 const THUMB = 16; // pixels of the slider's thumb, as style.css has it
+const BESIDE = 480; // pixels left of the slider in which the buttons have room
 const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
 
 gk.Player = class {
@@ -27,8 +28,9 @@ gk.Player = class {
     this.pairing = gk.node("p", { class: "pairing", hidden: true }, gk.node("label", {}, "Compare: ", this.pair));
     this.follow = gk.node("input", { type: "checkbox" });
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
+    this.curve = new gk.SliderCurve();
     this.playOn = gk.page.play_on && new gk.PlayOn(this);
-    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.curve.root, this.jumps, this.playOn?.root ?? "", this.stage, this.#keys()];
+    const parts = [this.pairing, this.trouble, this.parted, this.jumps, this.playOn?.root ?? "", this.curve.root, this.stage, this.#controls(), this.#keys()];
     // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
     this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
@@ -62,20 +64,18 @@ gk.Player = class {
     this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
     this.ranging = gk.node("button", { type: "button", class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
     this.ranging.addEventListener("click", () => this.mark(this.anchor === null ? this.turn : null));
-    this.curve = new gk.SliderCurve();
     this.number = gk.node("input", { type: "number", min: "0", value: "0", "aria-label": "Go to turn", title: "Go to turn" });
     this.number.addEventListener("input", () => this.number.value !== "" && this.to(Number(this.number.value)));
     this.until = gk.node("span");
     this.where = gk.node("label", { class: "where" }, gk.node("span", { class: "where-word", text: "Turn " }), this.number, this.until);
-    this.hint = gk.node("span", { class: "scrub-hint note", text: "Click or drag to a turn →" });
     this.faster(0);
     this.bar = gk.node(
       "div",
       { class: "controls", role: "group", "aria-label": "Playback" },
       gk.node("div", { class: "control-buttons" }, ...buttons, this.where, this.picking, this.following, speed, this.ranging),
-      gk.node("div", { class: "control-slider" }, this.hint, this.slider, this.ticks),
+      gk.node("div", { class: "control-slider" }, this.slider, this.ticks),
     );
-    // What is jumped to stands below the bar, however high it is.
+    // What is jumped to stands above the bar, however high it is.
     new ResizeObserver(() => this.host.style.setProperty("--bar", `${this.bar.offsetHeight}px`)).observe(this.bar);
     return this.bar;
   }
@@ -230,16 +230,15 @@ gk.Player = class {
 
   // The slider stands above the lanes of one episode, its thumb above their cursor where all turns are in sight, its marks above theirs.
   #align() {
-    const row = this.slider.parentElement;
     const { lanes } = this.decks[0];
     const half = THUMB / 2;
     const one = this.decks.length === 1 && this.last > 0;
     const per = one ? lanes.width / (this.last + 1) : 0;
-    const from = one ? lanes.canvas.getBoundingClientRect().left - row.getBoundingClientRect().left + per / 2 - half : 0;
-    const wide = one ? this.last * per + THUMB : row.clientWidth;
-    row.style.paddingLeft = this.curve.root.style.paddingLeft = `${from}px`;
+    const from = one ? lanes.canvas.getBoundingClientRect().left - this.bar.getBoundingClientRect().left + per / 2 - half : 0;
+    const wide = one ? this.last * per + THUMB : this.bar.clientWidth;
+    this.bar.classList.toggle("beside", from >= BESIDE);
+    this.host.style.setProperty("--from", `${from}px`);
     this.slider.style.width = `${wide}px`;
-    this.hint.style.width = `${from}px`;
     const perTurn = (wide - THUMB) / Math.max(1, this.last);
     const at = (turn) => half + turn * perTurn;
     gk.drawRuler(this.ticks, this.last, [...this.marks, ...this.decks.flatMap((deck) => deck.episode.penalties)], { first: 0, perTurn, width: wide, at });
@@ -252,7 +251,7 @@ gk.Player = class {
     const found = (kind) => this.marks.find((mark) => mark.kind === kind)?.turn;
     if (this.decks[0].episode.end === "open") return this.last;
     const failure = found("failure");
-    return found("error") ?? found("pivot") ?? (failure < this.last ? failure : (this.marks.findLast((mark) => mark.kind === "divergence")?.turn ?? 0));
+    return found("error") ?? found("pivot") ?? found("since") ?? (failure < this.last ? failure : (this.marks.findLast((mark) => mark.kind === "divergence")?.turn ?? 0));
   }
 
   #sayPart(episodes) {

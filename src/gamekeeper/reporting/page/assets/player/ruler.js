@@ -4,6 +4,7 @@ const HEIGHT = 30;
 const APART = 64; // pixels between numbers
 
 gk.MARKS = {
+  since: "★",
   divergence: "◆",
   failure: "▲",
   pivot: "▼",
@@ -15,6 +16,12 @@ gk.MARKS = {
 };
 
 gk.markSign = (mark) => gk.own(gk.MARKS, mark.kind) ?? "•";
+
+// Tells whether a mark is grey and comes after the others, as 1 or 0: endings, and first differences that the likely cause was not found by.
+gk.quietOf = (marks) => {
+  const quiet = ["ending", "penalty", ...(marks.some(({ kind }) => kind === "since") ? ["divergence"] : [])];
+  return ({ kind }) => Number(quiet.includes(kind));
+};
 
 // 1, 2, 5, 10, 20, …: the least of these that keeps numbers apart.
 const stride = (perTurn) => {
@@ -41,14 +48,15 @@ gk.drawRuler = (canvas, last, marks, { first, perTurn, width, at = (turn) => (tu
     ink.textAlign = x < 12 ? "left" : x > width - 16 ? "right" : "center";
     ink.fillText(text, Math.max(0, Math.min(width, x)), HEIGHT - 6);
   }
-  let before = -10; // where marks crowd, one a column of pixels is enough
+  const taken = []; // where marks crowd, the one that matters most is enough
   ink.textAlign = "center";
-  for (const mark of marks) {
+  const isQuiet = gk.quietOf(marks);
+  for (const mark of [...marks].sort((a, b) => isQuiet(a) - isQuiet(b))) {
     if (mark.turn < first || mark.turn >= past) continue;
     const x = Math.max(5, Math.min(width - 5, at(mark.turn)));
-    if (x - before < 4) continue;
-    before = x;
-    ink.fillStyle = mark.kind === "ending" || mark.kind === "penalty" ? colours.grey : colours.mark;
+    if (taken.some((other) => Math.abs(x - other) < 4)) continue;
+    taken.push(x);
+    ink.fillStyle = isQuiet(mark) ? colours.grey : colours.mark;
     ink.fillText(gk.markSign(mark), x, 11);
   }
 };

@@ -27,14 +27,28 @@ const COLUMNS = [
   { field: "nonconforming", title: "nonconforming", note: "values that don't fit their space or the protocol", long: true },
 ];
 
+// The name of a row's action; null without one.
+const actionName = (episode, row) => {
+  const value = episode.value(episode.action[row]);
+  const name = Number.isInteger(value) ? gk.own(episode.agents[episode.agent[row]].actions ?? [], value) : null;
+  return name === null ? null : gk.visible(name);
+};
+
 // An action by its name, its number in brackets; the declared noop without a name is called so.
 gk.actionText = (episode, row) => {
   const value = episode.value(episode.action[row]);
-  const name = gk.own(episode.agents[episode.agent[row]].actions ?? [], value);
-  const isNamed = name !== null && Number.isInteger(value);
-  const text = gk.plain(value);
-  if (!isNamed) return episode.isIdle(row) && Number.isInteger(value) ? `noop (${text})` : text;
-  return `${gk.visible(name)} (${text})`;
+  const [name, text] = [actionName(episode, row), gk.plain(value)];
+  if (name === null) return episode.isIdle(row) && Number.isInteger(value) ? `noop (${text})` : text;
+  return `${name} (${text})`;
+};
+
+// What an agent does at a turn, to stand beside its name: its action, else why there is none.
+gk.doingText = (episode, agent, turn) => {
+  const row = episode.rowOf(agent, turn);
+  if (row >= 0 && episode.action[row] >= 0) return actionName(episode, row) ?? `action ${gk.actionText(episode, row)}`;
+  if (episode.hasEnded(agent, turn)) return "has ended";
+  if (!episode.isThere(agent, turn)) return "";
+  return turn < episode.last && episode.isTurnwise ? "not its turn" : "no action";
 };
 
 gk.TurnTable = class {
@@ -59,6 +73,7 @@ gk.TurnTable = class {
     const e = this.episode;
     const seen = (column) => column.some((value) => value >= 0);
     const used = { mask: seen(e.mask), info: seen(e.info), nonconforming: seen(e.nonconforming) };
+    used.cumulative_reward = e.isTurnwise;
     const kept = COLUMNS.filter(({ field }) => used[field] ?? true);
     const terms = Object.keys(e.terms).map((term) => ({ field: term, title: gk.visible(term), note: "a term of the reward", number: true, isTerm: true }));
     kept.splice(1 + kept.findIndex(({ field }) => field === "paid"), 0, ...terms);
