@@ -7,7 +7,7 @@ from itertools import islice, pairwise
 from typing import Any, Final
 
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
-from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing
+from gamekeeper.diagnosis.judgement import SCALES, ScopeFinding, is_failing
 from gamekeeper.diagnosis.message_channels import (
     MOST_AGENTS,
     PROBED,
@@ -266,6 +266,8 @@ def _other_boundaries(
         count, later: undos to be confirmed, and episodes of later rounds, that stay affordable.
     """
     best = [one for one, share in ranked.items() if share >= RIVAL and one.undo is not None]
+    if best and not any(one.undo is not None and one.undo.way in SCALES for one in best):
+        rest = [one for one in rest if not one.is_offset]  # it does what a scale does at most
     named = {(one.component, one.agents) for one in best}
     whose = {one.agents for one in best}
     other = [o for o in rest if o.agents in whose and (o.component, o.agents) not in named]
