@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 HERE: Final = Path(__file__).parent
 CATALOGUE: Final = HERE / "environments.toml"
 GROUPS: Final = HERE / "groups.toml"
-Group = Literal["tuned", "related", "new", "left", "fresh", "second", "third"]
+Group = Literal["tuned", "related", "new", "left", "fresh", "second", "third", "fourth"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* and *third*: likewise, once they were changed by those too."""
+    *second*, *third*, *fourth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:
@@ -45,7 +45,7 @@ def catalogue(path: Path = CATALOGUE) -> Iterator[Listed]:
         for each in package["environments"]:
             group: Group = "related" if package["name"] in groups["related"] else "new"
             key = f"{package['name']}/{each['name']}"
-            apart: tuple[Group, ...] = ("tuned", "left", "fresh", "second", "third")
+            apart: tuple[Group, ...] = ("tuned", "left", "fresh", "second", "third", "fourth")
             group = next((name for name in apart if key in groups[name]), group)
             yield Listed(
                 package=package["name"],

@@ -334,3 +334,28 @@ def battlesnake() -> Any:
     from pypzbattlesnake import BattleSnake
 
     return BattleSnake(teams_count=2, team_snakes_count=1, render_mode=None)
+
+
+def swarm_of_tanks(agents: int = 4) -> Any:
+    """Tanks that look for targets, without a window."""
+    config = of_repository(
+        "titancoder12+swarm_robotic_rl", "env.config", "SwarmConfig", n_agents=agents, max_steps=100
+    )
+    return of_repository(
+        "titancoder12+swarm_robotic_rl", "env.swarm_env", "SwarmEnv", cfg=config, headless=True
+    )
+
+
+def supply_chain() -> Any:
+    """A supply chain of three, with the configuration of its own tests."""
+    where = "BigChunggus51+shock_chain"
+    read = inside_repository(where, "src.utils.config_loader", "load_all_configs")
+    return of_repository(
+        where,
+        "src.environment.multi_agent_env",
+        "MultiAgentSupplyChainEnv",
+        env_config=read["environment"],
+        reward_config=read["reward"],
+        topology_config=read["topology"],
+        shock_config=read["shocks"],
+    )

@@ -189,3 +189,36 @@ class Beds(gk.TickEnv):
     def observe(self, agent: str) -> Any:
         """The own bed."""
         return number(self.water[agent])
+
+
+class Duel(gk.TurnEnv):
+    """Three in turn; an agent that is aimed at is out at once, and all see how many are."""
+
+    metadata = {"name": "duel_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        super().__init__(render_mode=render_mode, horizon=9)
+        self.possible_agents = [f"duellist_{k}" for k in range(3)]
+        self.observation_spaces = dict.fromkeys(self.possible_agents, WIDE)
+        self.action_spaces = {agent: Discrete(12) for agent in self.possible_agents}
+
+    def start(self, rng: Any, options: Any) -> None:
+        """All stand."""
+        self.out: set[int] = set()
+
+    def act(self, agent: str, action: Any) -> None:
+        """The first three actions are shots."""
+        target = f"duellist_{action}"
+        if target in self.agents and target != agent:
+            self.out.add(int(action))
+            self.terminate(target)
+        if len(self.out) == 2:
+            self.terminate(agent)
+
+    def mask(self, agent: str) -> Any:
+        """No shot at one that is out."""
+        return np.array([k not in self.out for k in range(12)], np.int8)
+
+    def observe(self, agent: str) -> Any:
+        """The number of those that are out."""
+        return number(len(self.out))

@@ -24,6 +24,7 @@ from gamekeeper.auditing.holds import (
 )
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
+from gamekeeper.auditing.reproducer_process import FILE, raised_at
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced
 from gamekeeper.episodes.episode import Episode
@@ -337,3 +338,15 @@ def test_a_finding_tells_the_exception_that_its_program_shows() -> None:
     assert told("ValueError: dead") == ("IndexError: x", "# actual: IndexError: x\n")
     assert told("IndexError: y")[0] == "IndexError: y"
     assert told("NaN at [14]")[0] == "NaN at [14]"
+
+
+@pytest.mark.parametrize(
+    ("line", "file"), [("np.testing.assert_equal(1, 2)", ""), ("json.loads('{')", "decoder.py")]
+)
+def test_a_comparison_by_numpy_is_the_programs_own(line: str, file: str) -> None:
+    """The place that a finding names is where the environment raised, not NumPy's comparison."""
+    with pytest.raises((AssertionError, ValueError)) as caught:
+        exec(compile(f"import json\nimport numpy as np\n{line}", FILE, "exec"), {})
+    inner = caught.value.with_traceback(caught.tb.tb_next)  # from the program on
+    assert raised_at(inner).partition(":")[0].endswith(file)
+    assert bool(raised_at(inner)) == bool(file)

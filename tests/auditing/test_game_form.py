@@ -18,11 +18,13 @@ from gamekeeper.checks.facts.form_facts import (
     MoveLook,
     MoveTrial,
 )
-from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.checks.facts.surface_facts import TimeLimits
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence, ProbeRun
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.where import Where
 from gamekeeper.interface.opening import open_env
-from tests.auditing.form_games import Beds, Ladle, Latch, Mail, Seats
+from gamekeeper.reporting.measured_text import measured_text
+from tests.auditing.form_games import Beds, Duel, Ladle, Latch, Mail, Seats
 
 
 def form_of(spec: Any, budget: int = 2_000) -> dict[str, Any]:
@@ -40,10 +42,28 @@ def test_a_mask_that_a_move_opens_makes_it_aec() -> None:
     assert "opener's move at turn" in found["why"]
     assert "taker's mask at turn" in found["why"]
     assert (found["stages"], found["observe"]) == ([["opener"], ["taker"]], "after turn")
+    assert "each role has one agent" in found["not_measured"]["symmetric"]
     assert {(row["from"], row["on"], row["lag"]) for row in found["influence"] if row["p"]} >= {
         ("opener", "mask", 0),
         ("opener", "reward", 0),
     }
+
+
+def test_ends_of_agents_shift_no_comparison() -> None:
+    """The None step of an agent that a move ended is passed over; the others are compared."""
+    found = form_of(Duel, 1_000)
+    assert (found["observe"], found["legality"]) == ("after turn", True)
+    assert any(r["p"] for r in found["influence"] if r["from"] != r["to"] and r["on"] == "mask")
+
+
+def test_a_move_counts_once_in_its_round() -> None:
+    """Rewards are looked at in each turn of a round; one that changed makes the move one that did.
+
+    So a share is of replaced moves, as the table says.
+    """
+    turns_of = [MoveLook("b", "reward", 0, k == 1, False, k) for k in range(3)]
+    (row,) = trials.influence([Fact(Where("form", 0, 0), trial(*turns_of))])
+    assert (row["n"], row["p"]) == (1, 1.0)
 
 
 def test_a_race_that_none_observes_makes_it_aec() -> None:
@@ -202,6 +222,18 @@ def test_one_agents_limit_is_no_horizon() -> None:
     assert comings.horizon([one, one]) is None
     longer = shape("abc", "abc", "abc", endings=ended("termination", 2, "abc"), live={2: 3})
     assert comings.horizon([whole, whole, longer]) is None
+
+
+def test_a_limit_that_is_missed_by_one_tick_is_said() -> None:
+    """Where episodes are cut a tick before or after a limit that has a name, both are shown."""
+    cut = shape("abc", "abc", endings=ended("truncation", 1, "abc"), live={1: 3})
+    limits = TimeLimits({"max_steps": 3, "length": 30})
+    facts = tuple(Fact(Where("form", 0), each) for each in (cut, cut, limits))
+    evidence = ProbeEvidence("parallel", looks={"form": (ProbeRun((), (), facts),)})
+    found = measured(Contract(), evidence)
+    assert (found["horizon"], found["near_limits"]) == (2, {"max_steps": 3})
+    text = measured_text({"measured": found, "api": "parallel"}, width=120)
+    assert "2, though max_steps is 3" in text
 
 
 def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:

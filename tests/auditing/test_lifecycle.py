@@ -83,9 +83,19 @@ class Silent(Traders):
             super().step(action)
 
 
-@pytest.mark.parametrize("game", [Refuses, Silent])
+class StillSeen(Refuses):
+    """Observations are of all rovers, also after the end."""
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Nothing but observations."""
+        if not self.agents:
+            return {a: self.observation(a) for a in self.possible_agents}, {}, {}, {}, {}
+        return super().step(actions)
+
+
+@pytest.mark.parametrize("game", [Refuses, Silent, StillSeen])
 def test_steps_after_the_end_may_raise_or_do_nothing(game: Any) -> None:
-    """Any exception is fine, and so is silence."""
+    """Any exception is fine, and so is silence, or what no learner learns from."""
     assert audited(game).of("GK520").outcome == "passed"
 
 

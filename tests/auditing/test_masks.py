@@ -115,6 +115,31 @@ def test_masks_of_several_choices_are_judged(mask: Any, ids: list[str]) -> None:
     assert broken(type("Pulled", (Levers,), {"mask": mask})) == ids
 
 
+class Throttled(Masked):
+    """A move, and how hard: the mask bounds the latter."""
+
+    mask: Any = {"move": np.ones(5, np.int8), "power": np.array([0.0, 0.9], np.float32)}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        super().__init__()
+        parts = {"move": spaces.Discrete(5), "power": spaces.Box(0.0, 1.0, ())}
+        self._done = {a: spaces.Dict(parts) for a in self.possible_agents}
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Refuses more power than is there."""
+        if any(actions[a]["power"] > 0.9 for a in self.agents):
+            raise ValueError("too hard")
+        return Rovers.step(self, {a: int(actions[a]["move"]) for a in self.agents})
+
+
+@pytest.mark.parametrize(
+    ("mask", "ids"), [(Throttled.mask, []), ({"move": np.ones(5, np.int8)}, ["GK235"])]
+)
+def test_masks_that_bound_continuous_actions_are_not_judged(mask: Any, ids: list[str]) -> None:
+    """No list of flags says which numbers such a mask allows; without one all are."""
+    assert broken(type("Pushed", (Throttled,), {"mask": mask}), budget=60) == ids
+
+
 @pytest.mark.parametrize(
     ("declared", "done", "is_kept"),
     [

@@ -13,6 +13,7 @@ from gamekeeper.checks.endings.role_symmetry import exchangeable, fares
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.rounds import kind_of_order
 from gamekeeper.contract import Contract
+from gamekeeper.reporting.measured_text import words
 from tests.auditing.small_games import Grab
 from tests.faults.lifecycle import ResetIgnored
 from tests.faults.ticks import Hands, HiddenHands
@@ -29,6 +30,7 @@ FIELDS = {
     "order_ticks",
     "deterministic",
     "horizon",
+    "near_limits",
     "symmetric",
     "reward",
     "endings",
@@ -127,6 +129,24 @@ def test_measured_zero_sum(monkeypatch: pytest.MonkeyPatch) -> None:
     """A board game's payments cancel out, and its agents don't share them."""
     reward = form_of(Tokens, monkeypatch)["reward"]
     assert (reward["zero_sum"], reward["shared"]) == (True, False)
+
+
+class TwiceOver(Grab):
+    """Its agents are terminated and truncated at once."""
+
+    def step(self, actions: Any) -> Any:
+        """Raises both flags."""
+        observations, rewards, _, truncations, infos = super().step(actions)
+        return observations, rewards, dict(truncations), truncations, infos
+
+
+def test_both_flags_of_an_end_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An agent that is terminated and truncated at once counts as both, and it is said."""
+    endings = form_of(partial(TwiceOver, "draw"), monkeypatch, 60)["endings"]
+    count = endings["episodes"]
+    assert endings["both"] == count
+    assert endings["by_agent"]["0"] == {"terminated": count, "truncated": count, "open": 0}
+    assert f"{count} of them terminated and truncated at once" in words(endings)
 
 
 @pytest.mark.parametrize(

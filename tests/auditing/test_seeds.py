@@ -13,9 +13,14 @@ from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
+from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.measured import measured
+from gamekeeper.auditing.probe import probes
+from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.seeds.seed_effects import p_all_alike
 from gamekeeper.contract import Contract
+from gamekeeper.interface.opening import open_env
 from gamekeeper.rollouts.process_randomness import states
 from tests.faults.rovers import MOVES, SIZE, Rovers
 from tests.faults.tokens import Tokens
@@ -67,6 +72,18 @@ class WearsOut(Rovers):
         """Counts itself."""
         self.resets += 1
         return super().reset(None if seed is None else seed + (self.resets > 4), options)
+
+
+class OpensForGood(Rovers):
+    """What the episode of one seed opened stays open."""
+
+    opened = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Reads, and notes."""
+        found = super().reset(None if seed is None else seed + self.opened, options)
+        self.opened += seed == 1
+        return found
 
 
 class LuckyRovers(Rovers):
@@ -286,7 +303,7 @@ def test_seeds_verdicts_repeat_in_other_processes(tmp_path: Path) -> None:
             """
         )
     )
-    found = audit(f"{tmp_path / 'shuffled.py'}:make", select=("GK608",), budget=100)
+    found = audit(f"{tmp_path / 'shuffled.py'}:make", select=("GK608",), budget=60)
 
     assert found.of("GK608").outcome == "failed"
 
@@ -314,3 +331,28 @@ def test_state_that_shows_after_many_resets_is_found() -> None:
     found = audited(WearsOut, ("GK604",))
     (finding,) = (each for verdict in found.failed for each in verdict.findings[:1])
     assert "for _ in range(6):\n    used.reset(seed=" in finding.reproducer
+
+
+def test_state_that_a_rare_episode_leaves_is_found() -> None:
+    """An episode that another probe saw differ in a used instance is the first to be tried."""
+    lab = lab_of(open_env(OpensForGood), None, spec=OpensForGood, kwargs={}, seed=0, budget=60)
+    gather(lab, {"form"}, died={}, on_probe=lambda *_: None)
+    (plan,) = lab.unlike
+    assert plan.seed == 1
+    assert next(iter(probes({"second_episode"})["second_episode"].plays(lab))) is plan
+
+
+def test_sets_are_turned_in_six_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two are played under all hash seeds that are needed, four more under one of them each."""
+    asked: dict[int, list[int]] = {}
+
+    def there(lab: Any, base: Any, hash_seed: int) -> Any:
+        asked.setdefault(base.play.stream, []).append(hash_seed)
+        return base.trace
+
+    monkeypatch.setattr(isolation, "played_elsewhere", there)
+    monkeypatch.setattr(isolation, "hash_seeds", lambda names: (4, 7))
+    lab = lab_of(open_env(Rovers), None, spec="rovers", kwargs={}, seed=0, budget=2_000)
+    found = gather(lab, {"other_process"}, died={}, on_probe=lambda *_: None).gathered()
+    assert list(asked.values()) == [[4, 7], [4, 7], [4], [7], [4], [7]]
+    assert measured(Contract(), found)["deterministic"] is True

@@ -15,9 +15,10 @@ import pytest
 from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
-from gamekeeper.auditing.holds import copies_held, generators_held, still_entropy
+from gamekeeper.auditing.holds import copies_held, generators_held, spaces_held, still_entropy
 from gamekeeper.checks.spaces.action_masks import stands_elsewhere
 from gamekeeper.checks.verdict import Verdict
+from tests.auditing.lucky_games import Sound
 from tests.faults.copies import CopyLosesAView, RotatesAllTheSame
 from tests.faults.rovers import Rovers
 
@@ -176,6 +177,22 @@ def test_generators_begin_anew_at_each_reset_where_they_are_held() -> None:
         assert first == [env.reset(), env.step(0)]
     fresh = Unseeded()
     assert fresh.reset() != fresh.reset()
+
+
+class Sampled(Sound):
+    """Shows samples of a space that it hands out, whatever the seed."""
+
+    def seen(self) -> Any:
+        """Luck of the space."""
+        return self.observation_space("a").sample()
+
+
+def test_a_space_begins_anew_at_each_reset_where_it_is_held() -> None:
+    """A seed that settles nothing follows from draws of a space, where it then settles all."""
+    for make, is_alike in ((Sampled, False), (spaces_held(Sampled), True)):
+        env = make()
+        first, again = (env.reset(seed=3)[0]["a"] for _ in range(2))
+        assert is_alike == (first == again).all()
 
 
 def test_held_copies_play_on_like_their_originals() -> None:

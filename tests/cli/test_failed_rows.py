@@ -25,11 +25,11 @@ def test_rows_that_miss_their_space_are_said(
     run, sound = tmp_path / "run", tmp_path / "sound"
     code, out, err = said(capfd, "rollout", SHRINKS, "--episodes", 5, "--out", run)
     assert code == 0, err
-    assert "Rules that the recorded rows break\n  GK213  Rule broken: " in out
+    assert "Rules that the recorded rows break\n  GK213  Should hold: " in out
     code, replayed = document(capfd, "replay", run, "--env", SHRINKS)
     assert (code, [each["id"] for each in replayed["verdicts"]]) == (0, ["GK213"])
     page = report(run, tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "GK213: “Every observation" in page
+    assert "GK213. Should hold: Every observation" in page
 
     code, recorded = document(capfd, "rollout", LINE, "--episodes", 1, "--out", sound)
     assert (code, recorded["verdicts"]) == (0, [])

@@ -140,7 +140,7 @@ def test_run_records_what_breaks_a_promise(
     code, out, err = said(capfd, "run", PAID, "--out", "demo", "--episodes", "1")
     assert code == 1, err
     assert "Audited  " in out
-    assert "GK402  high  Rule broken: An agent that has ended is paid nothing more." in out
+    assert "GK402  high  Should hold: An agent that has ended is paid nothing more." in out
     assert f"To see all findings with their programs:\n    gamekeeper audit {PAID}" in out
     assert f"Next      gamekeeper audit {PAID}" in out.splitlines()[-1]
     assert "verified: fingerprint" in out

@@ -24,7 +24,7 @@ def layout_of(spaces: dict[Any, Codec]) -> Layout:
 
 def names(layout: Layout, agent: Any) -> list[str]:
     """The names of the columns that an agent observes by."""
-    side = layout.seats[agent].observation
+    side = layout.agents[agent].observation
     assert side is not None
     return [column.name for column in side.columns]
 
@@ -60,15 +60,15 @@ def test_unannounced_agents_get_the_columns_they_fit_else_new_ones() -> None:
     """Columns only grow, and none changes its leaf."""
     layout = layout_of({"a_0": SMALL, "a_1": WIDE})
     before = layout.columns("obs")
-    assert layout.seat("late", SMALL, ACT).observation.columns[0] is before[0]  # type: ignore[union-attr]
-    assert layout.seat("tall", TALL, ACT).observation.columns[0].name == "obs@tall"  # type: ignore[union-attr]
+    assert layout.add("late", SMALL, ACT).observation.columns[0] is before[0]  # type: ignore[union-attr]
+    assert layout.add("tall", TALL, ACT).observation.columns[0].name == "obs@tall"  # type: ignore[union-attr]
     assert before == layout.columns("obs")[: len(before)]
 
 
 def test_agent_that_is_called_like_a_group_gets_a_column_of_its_own() -> None:
     """`picker` beside `picker_0` and `picker_1`, with another space."""
     layout = layout_of({"picker_0": SMALL, "picker_1": SMALL, "carrier_0": WIDE})
-    seat = layout.seat("picker", TALL, ACT)
+    seat = layout.add("picker", TALL, ACT)
     assert seat.observation is not None
     column = seat.observation.columns[0]
     assert column.leaf == TALL.leaves[0]
@@ -85,7 +85,7 @@ def test_agents_need_not_be_texts() -> None:
 def test_agents_without_a_space_have_a_seat() -> None:
     """Nobody declared them; their values are kept as odd."""
     layout = Layout()
-    seat = layout.seat("ghost", None, None)
+    seat = layout.add("ghost", None, None)
     assert seat.observation is None
     assert spaces_json(layout) == {"ghost": {"observation": None, "action": None}}
 

@@ -30,14 +30,14 @@ def test_ring_conforms_to_pettingzoo(capsys):
 def test_ring_robots_begin_evenly_apart():
     """R1: and the parcel is drawn with the seed."""
     env = started()
-    assert env.bench.records["cell"][0].tolist() == [0, 4, 8]
-    assert len({int(started(seed).bench.records["parcel"][0]) for seed in range(20)}) > 5
+    assert env.memory.records["cell"][0].tolist() == [0, 4, 8]
+    assert len({int(started(seed).memory.records["parcel"][0]) for seed in range(20)}) > 5
 
 
 def test_ring_moves_round_and_costs_battery():
     """R2: below 0 comes the last cell; who stays spends nothing."""
     env = started()
-    env.bench.records["parcel"][0] = 6
+    env.memory.records["parcel"][0] = 6
     seen, *_ = env.step({"robot_0": DOWN, "robot_1": UP, "robot_2": STAY})
     assert [seen[a][0] for a in env.agents] == [CELLS - 1, 5, 8]
     assert [seen[a][2] for a in env.agents] == [CHARGE - 1, CHARGE - 1, CHARGE]
@@ -46,7 +46,7 @@ def test_ring_moves_round_and_costs_battery():
 def test_ring_shares_a_parcel():
     """R3: among who is in its cell."""
     env = started()
-    env.bench.records["parcel"][0], env.bench.records["cell"][0] = 5, [4, 6, 9]
+    env.memory.records["parcel"][0], env.memory.records["cell"][0] = 5, [4, 6, 9]
     _, rewards, *_ = env.step({"robot_0": UP, "robot_1": DOWN, "robot_2": STAY})
     assert rewards == {"robot_0": 0.5, "robot_1": 0.5, "robot_2": 0.0}
 

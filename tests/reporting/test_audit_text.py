@@ -32,7 +32,7 @@ def test_broken_promises_stand_by_severity() -> None:
     blocks = dict(failed_blocks(mixed(), width=80))
     assert list(blocks) == ["Failed: high severity", "Failed: low severity"]
     high = blocks["Failed: high severity"]
-    assert high.splitlines()[0] == "  GK402  Rule broken: The promise of GK402."
+    assert high.splitlines()[0] == "  GK402  Should hold: The promise of GK402."
     for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 places"):
         assert word in high
 
@@ -167,6 +167,6 @@ def test_brief_rows_count_what_they_leave_out() -> None:
     """The worst ones by id, severity and claim; the rest by id alone."""
     rows = brief_rows(mixed(), most=1)
     assert rows == [
-        ("GK402", "high", "Rule broken: The promise of GK402."),
+        ("GK402", "high", "Should hold: The promise of GK402."),
         ("", "", "and 1 more: GK821"),
     ]

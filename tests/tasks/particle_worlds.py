@@ -62,7 +62,7 @@ def differences(
         world = theirs.unwrapped.world
         for agent in world.agents:
             agent.state.p_pos = agent.state.p_pos * crowd
-        put(ours.bench.records, world)
+        put(ours.memory.records, world)
         while theirs.agents:
             assert theirs.agents == ours.agents
             actions = {a: theirs.action_space(a).sample() for a in theirs.agents}

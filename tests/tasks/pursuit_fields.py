@@ -28,7 +28,7 @@ def field(*lines: str, order: Any = None, **arguments: Any) -> Pursuit:
         rows=rows, columns=columns, rocks=0.0, debug=True, render_mode="ansi", **arguments
     )
     env.reset(seed=0)
-    tables, record = env.tables[0], env.bench.records[0]
+    tables, record = env.tables[0], env.memory.records[0]
     grid = record["grid"].reshape(-1, tables["width"])
     border = int(tables["border"])
     grid[:] = rules.ROCK

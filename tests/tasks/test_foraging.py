@@ -39,7 +39,7 @@ def scene(*rows, **arguments):
         **arguments,
     )
     env.reset(seed=0)
-    s = env.bench.records[0]
+    s = env.memory.records[0]
     s["grid"][1:-1, 1:-1] = 0
     for i, (row, column, level) in enumerate(players):
         s["row"][i] = s["to_row"][i] = row

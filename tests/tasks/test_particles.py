@@ -181,7 +181,7 @@ def test_places_are_drawn_as_mpe2_draws_them() -> None:
     for name, bound, goals in (("spread", 1.0, 0), ("tag", 0.9, 0), ("reference", 1.0, 2)):
         env, stream = made(name), Stream(9)
         env.reset(seed=9)
-        s = env.bench.records[0]
+        s = env.memory.records[0]
         if goals:
             assert [stream.integers(3) for _ in range(goals)] == s["goal"].tolist()
         agents = [stream.uniform(-1.0, 1.0) for _ in range(2 * len(s["x"]))]

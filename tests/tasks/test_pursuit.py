@@ -139,7 +139,7 @@ def test_pursuit_shares_prey_among_who_is_beside() -> None:
 def test_pursuit_starves_and_leaves() -> None:
     """R7: who has no energy left; its cell is free in the next tick."""
     env = field("PP..", "....", "e...", stamina=9, catchers=3)
-    env.bench.records["energy"][0, 0] = 3
+    env.memory.records["energy"][0, 0] = 3
     for left in (2, 1):
         *_, infos = env.step(dict.fromkeys(env.agents, STAY))
         assert infos["pursuer_0"]["energy"] == left
@@ -154,7 +154,7 @@ def test_pursuit_starves_and_leaves() -> None:
 def test_pursuit_prey_fills_up_even_the_last_tick() -> None:
     """R7: who has a share in a catch has all its energy again."""
     env = field("PeP.", "....", "...e", stamina=7)
-    env.bench.records["energy"][0, 0] = 1
+    env.memory.records["energy"][0, 0] = 1
     *_, infos = env.step(dict.fromkeys(env.agents, STAY))
     assert [infos[f"pursuer_{i}"]["energy"] for i in range(2)] == [7, 7]
 

@@ -38,7 +38,7 @@ def scene(*rows, layout=OPEN, wanted=(), **arguments):
         layout=layout, n_agents=len(robots), render_mode="ansi", debug=True, **told
     )
     env.reset(seed=1)
-    s, t = env.bench.records[0], env.tables[0]
+    s, t = env.memory.records[0], env.tables[0]
     width = len(rows[0])
     for name in ("sight", "robots"):
         s[name][:] = 0
@@ -142,7 +142,7 @@ def test_robotic_warehouse_robots_follow_loaded_ones():
     env = scene(*EMPTY, "......", "..RR..")
     assert after(env, "11")[0][5] == "g._RR_"
     env = scene(*EMPTY, "......", "...R>.", wanted=())
-    s, t = env.bench.records[0], env.tables[0]
+    s, t = env.memory.records[0], env.tables[0]
     s["sight"][t["cells"][34]] += 5
     assert after(env, "11")[0][5] == "g._Rx>"  # the shelf over robot 1 stands there
 
@@ -207,8 +207,8 @@ def test_robotic_warehouse_pays_two_stages():
     """R8: half for the goal, half for putting the shelf back, once each."""
     env = scene(*EMPTY, "......", ".Lx.xx", wanted=[(1, 5)], reward_type="two_stage")
     paid = [after(env, step)[1][1]["robot_0"] for step in "132111"]
-    env.bench.records["sight"][0, env.tables[0]["cells"][32]] = 0
-    s, t = env.bench.records[0], env.tables[0]
+    env.memory.records["sight"][0, env.tables[0]["cells"][32]] = 0
+    s, t = env.memory.records[0], env.tables[0]
     assert paid[0] == 0.5
     assert sum(paid) == 0.5
     place = t["homes"][0]

@@ -19,7 +19,7 @@ def world(kind: Any, agents: Any, goal: Any, **arguments: Any) -> Any:
     """Agents at rest at these places, three landmarks, these goals."""
     env = kind(debug=True, **arguments)
     env.reset(seed=0)
-    s = env.bench.records
+    s = env.memory.records
     s["x"][0], s["y"][0] = np.transpose(agents)
     s["mark_x"][0], s["mark_y"][0] = np.transpose(PLACES)
     s["goal"][0] = goal
@@ -31,7 +31,7 @@ def test_reference_goals_are_random() -> None:
     env, goals = Reference(debug=True), set()
     for seed in range(60):
         env.reset(seed=seed)
-        goals.add(tuple(env.bench.records["goal"][0].tolist()))
+        goals.add(tuple(env.memory.records["goal"][0].tolist()))
     assert len(goals) == MARKS**2
 
 

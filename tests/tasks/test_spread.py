@@ -17,7 +17,7 @@ def spread(*places: tuple[float, float], marks: Any = None, **arguments: Any) ->
     n = len(places)
     env = Spread(N=n, debug=True, **arguments)
     env.reset(seed=0)
-    s = env.bench.records
+    s = env.memory.records
     s["x"][0], s["y"][0] = np.transpose(places)
     s["mark_x"][0], s["mark_y"][0] = np.transpose(FAR[:n] if marks is None else marks)
     return env
@@ -34,7 +34,7 @@ def test_spread_begins_at_rest_within_the_square() -> None:
     env, seen = Spread(debug=True), set()
     for seed in range(10):
         env.reset(seed=seed)
-        s = env.bench.records[0]
+        s = env.memory.records[0]
         for name in ("x", "y", "mark_x", "mark_y"):
             assert (np.abs(s[name]) <= 1.0).all()
         assert not s["vx"].any()
@@ -53,7 +53,7 @@ def test_spread_moves_push(action: int, way: tuple[int, int]) -> None:
     assert env.places()[0].tolist() == [0.0, 0.0]
     tick(env)
     assert env.places()[0].tolist() == pytest.approx([0.05 * way[0], 0.05 * way[1]])
-    s = env.bench.records[0]
+    s = env.memory.records[0]
     assert [s["vx"][0], s["vy"][0]] == pytest.approx([0.375 * way[0], 0.375 * way[1]])
 
 
@@ -61,7 +61,7 @@ def test_spread_agents_push_each_other_and_no_landmark() -> None:
     """R2: who overlaps is pushed apart; a landmark underneath does nothing."""
     env = spread((-0.1, 0.0), (0.1, 0.0), marks=[(-0.1, 0.01), (9.0, 9.0)])
     tick(env)
-    vx, vy = env.bench.records["vx"][0], env.bench.records["vy"][0]
+    vx, vy = env.memory.records["vx"][0], env.memory.records["vy"][0]
     assert vx[0] < 0 < vx[1]
     assert vx[0] == -vx[1]
     assert not vy.any()

@@ -23,7 +23,7 @@ def tag(*places: tuple[float, float], hunters: int = 1, marks: Any = (), **argum
         **arguments,
     )
     env.reset(seed=0)
-    s = env.bench.records
+    s = env.memory.records
     s["x"][0], s["y"][0] = np.transpose(places)
     if marks:
         s["mark_x"][0], s["mark_y"][0] = np.transpose(marks)
@@ -47,7 +47,7 @@ def test_tag_speeds_are_cut() -> None:
     """R2: prey is stronger and faster; nobody is faster than it may be."""
     env = tag((-3.0, 0.0), (3.0, 0.0))
     tick(env, 2)
-    vx = env.bench.records["vx"][0]
+    vx = env.memory.records["vx"][0]
     assert vx.tolist() == pytest.approx([0.1 * ADVERSARY[1], 0.1 * GOOD[1]])
     for _ in range(20):
         tick(env, 2)
@@ -59,7 +59,7 @@ def test_tag_prey_is_slower_at_first_stages(stage: int) -> None:
     """R2: force and top speed of prey are cut by the stage; adversaries are as ever."""
     env = tag((-3.0, 0.0), (3.0, 0.0), curriculum=True, curriculum_stage=stage)
     tick(env, 4)
-    vy = env.bench.records["vy"][0].tolist()
+    vy = env.memory.records["vy"][0].tolist()
     assert vy == pytest.approx([0.1 * ADVERSARY[1], 0.1 * GOOD[1] * STAGES[stage]])
 
 
@@ -67,7 +67,7 @@ def test_tag_obstacles_push_and_stay() -> None:
     """R2: who stands in an obstacle is pushed off it."""
     env = tag((0.1, 0.0), (3.0, 0.0), marks=[(0.0, 0.0)])
     tick(env)
-    assert env.bench.records["vx"][0, 0] > 0
+    assert env.memory.records["vx"][0, 0] > 0
     assert env.places()[2].tolist() == [0.0, 0.0]
 
 

@@ -39,7 +39,7 @@ def made(kind: type[Any] = Warehouse, **given: Any) -> Any:
     env = kind(**{"pickers": 2, "carriers": 2, "layout": FLOOR, **given})
     env.reset(seed=3)
     env.wanted[:] = 0
-    env.bench.records["arrived"] = env.orders
+    env.memory.records["arrived"] = env.orders
     return env
 
 
@@ -87,9 +87,9 @@ def ordered(env: WarehouseRules, shelf: int, count: int = 1) -> None:
 def looked(env: WarehouseRules) -> None:
     """The rules show the state as it was changed by hand: of turns they always do."""
     if isinstance(env, Warehouse):
-        s, t = Copy(env.bench.records.reshape(())), Copy(env.tables.reshape(()))
-        as_python(sight.observe)(s, t, env.bench.arrays.obs[0].view(Plain))
-        as_python(sight.mask)(s, t, env.bench.arrays.masks[0].view(Plain))
+        s, t = Copy(env.memory.records.reshape(())), Copy(env.tables.reshape(()))
+        as_python(sight.observe)(s, t, env.memory.arrays.obs[0].view(Plain))
+        as_python(sight.mask)(s, t, env.memory.arrays.masks[0].view(Plain))
 
 
 def at(env: WarehouseRules, agent: str) -> tuple[int, int]:

@@ -168,7 +168,8 @@ def branch(
 ) -> Iterator[tuple[int, BranchStep]]:
     """Yields the steps from `start` on with actions replaced in the first, the others as on paper.
 
-    An action on paper that a mask forbids here gives way to a legal one. The branch ends `ahead`
+    An action on paper that a mask forbids here gives way to a legal one. Steps of agents that have
+    ended are taken where they are due here, whatever stands on paper. The branch ends `ahead`
     rounds after the start's, and where other agents have to act than on paper; then the last step
     is one that wasn't taken.
 
@@ -182,6 +183,10 @@ def branch(
         written = paper.steps[place]
         if paper.rounds[place] > last or board.is_over or written.actions is None:
             return
+        if not written.given and board.given:
+            continue
+        if written.given:
+            _take_ended_out(board)
         if written.given.keys() != board.given.keys():
             yield place, BranchStep(dict(board.given), None, {}, dict(board.ended))
             return
@@ -190,6 +195,14 @@ def branch(
             place,
             board.step({a: fitting(a, each.mask, actions[a]) for a, each in board.given.items()}),
         )
+
+
+def _take_ended_out(board: Board) -> None:
+    """Takes the None steps of ended agents, up to a live one's turn."""
+    for _ in range(len(board.ended)):
+        if board.given or board.is_over:
+            return
+        board.step({})
 
 
 def value_digest(value: Any) -> bytes:

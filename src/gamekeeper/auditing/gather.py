@@ -21,7 +21,6 @@ from gamekeeper.checks.probe_evidence import (
     ProbeRun,
 )
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.exception_text import traceback_text
 from gamekeeper.episodes.outcome import check_measured, outcome_of
 from gamekeeper.interface.contract_draft import agent_specs
@@ -36,6 +35,8 @@ ROLLOUT: Final = "rollout"
 """The probe that plays whole episodes."""
 FIRST: Final = "same_seed"
 """The probe that tells whether episodes differ by themselves; it looks before all others."""
+LAST: Final = "second_episode"
+"""The probe that plays again what another one saw differ in a used instance."""
 OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_process"})
 """Probes that look for draws that no seed settles."""
 OF_SHARING: Final = frozenset(
@@ -147,7 +148,7 @@ def gather(
     left = sum(parts.values())
     if until_s is not None:
         lab.ration = min(lab.ration, _steps_until(lab, until_s))
-    order = sorted(found, key=lambda name: name != FIRST)
+    order = sorted(found, key=lambda name: (name != FIRST, name == LAST))
     for names in (order, gathering.cut):  # those that are cut look once more in what is left
         if names is not order:
             left = sum(parts[name] for name in names)
@@ -217,8 +218,7 @@ def _is_shared(gathering: Gathering) -> bool:
     with held():
         one, two = (lab.play(play, state=False) for _ in range(2))
     lab.close()
-    volatile = lab.contract.volatile_infos()
-    return compare(one.trace, two.trace, volatile=volatile).divergence is None
+    return lab.divergence(one.trace, two.trace) is None
 
 
 def _steps_until(lab: ProbeSession, until_s: float) -> int:

@@ -47,6 +47,19 @@ def with_methods(
     return built
 
 
+def before_resets(make: Callable[[], Any], prepare: Callable[[Any], None]) -> Callable[[], Any]:
+    """Builds the environment, and calls `prepare` with it before each of its resets."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            prepare(self)
+            return cls.reset(self, *args, **kwargs)
+
+        return {"reset": reset}
+
+    return with_methods(make, methods)
+
+
 def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
     """Puts calls that an instance has as attributes of its own where a class can replace them."""
     names = "reset", "step", "observe", "state", "render"
@@ -98,7 +111,7 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
 def resets_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Seeds the global generators before an environment is built, and before each reset."""
 
-    def seed_all() -> None:
+    def seed_all(env: Any = None) -> None:
         np.random.seed(764_309)
         random.seed(764_309)
         if "torch" in sys.modules:
@@ -106,16 +119,9 @@ def resets_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
     def built() -> Any:
         seed_all()
-        env = make()
-        cls = type(env)
+        return make()
 
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            seed_all()
-            return cls.reset(self, *args, **kwargs)
-
-        return with_class(env, reset=reset)
-
-    return built
+    return before_resets(built, seed_all)
 
 
 def hold_entropy() -> Callable[[], None]:
@@ -178,28 +184,28 @@ def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
             else:
                 each.bit_generator.state = type(each.bit_generator)(0).state
 
-    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            restart(self)
-            return cls.reset(self, *args, **kwargs)
+    return before_resets(make, restart)
 
-        return {"reset": reset}
 
-    return with_methods(make, methods)
+def spaces_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Seeds the spaces of all possible agents at each reset."""
+
+    def seed(env: Any) -> None:
+        for agent in env.possible_agents:
+            env.observation_space(agent).seed(0)
+            env.action_space(agent).seed(0)
+
+    return before_resets(make, seed)
 
 
 def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Resets a fresh instance in place of a used one."""
 
-    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            self.__dict__.clear()
-            self.__dict__.update(make().__dict__)
-            return cls.reset(self, *args, **kwargs)
+    def renew(env: Any) -> None:
+        env.__dict__.clear()
+        env.__dict__.update(make().__dict__)
 
-        return {"reset": reset}
-
-    return with_methods(make, methods)
+    return before_resets(make, renew)
 
 
 def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -485,32 +491,17 @@ GLOBALS: Final = Hold(
 )
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
 GENERATORS: Final = Hold("own generators restarted at each reset", generators_held, is_general=True)
+SPACES: Final = Hold("spaces seeded at each reset", spaces_held, is_general=True)
 INSTANCES: Final = Hold(
     "a fresh instance for each reset",
     instances_held,
     ("GK103", "GK406", "GK506", "GK523", "GK815"),
     is_general=True,
 )
-COPIES: Final = Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703"))
 CLASSES: Final = Hold(
     "a copy of what the class keeps for each instance", classes_held, ("GK701", "GK702", "GK703")
 )
-OBSERVATIONS: Final = Hold(
-    "observations copied before they are handed out", observations_held, ("GK620", "GK624")
-)
-INFOS: Final = Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624"))
-STATE: Final = Hold("what state() gives copied", state_held, ("GK622",))
 READINGS: Final = Hold("state() and render() called on a copy", readings_held, ("GK805", "GK814"))
-OBSERVE: Final = Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True)
-REWARDS: Final = Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411"))
-NAMES: Final = Hold("agents named once each after every reset", names_held, ("GK102",))
-ENDED: Final = Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",))
-ENTRIES: Final = Hold(
-    "entries of agents that aren't in the game deleted",
-    entries_held,
-    ("GK221", "GK402", "GK403", "GK407", "GK527"),
-)
-ORDERS: Final = Hold("actions in the order of possible_agents", orders_held, ("GK312",))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same play differs by itself, so that another fault in it can be shown."""
@@ -519,23 +510,30 @@ AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
 """Held where a play shows a fault by what it drew: it draws the same again, as in the audit."""
 HOLDS: Final = {
     "GK602": GLOBALS,
+    "GK638": SPACES,
     "GK601": GENERATORS,
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,
-    "GK634": OBSERVE,
+    "GK634": Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True),
     "GK607": CLASSES,
-    "GK701": COPIES,
-    "GK610": OBSERVATIONS,
-    "GK611": INFOS,
-    "GK612": STATE,
+    "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
+    "GK610": Hold(
+        "observations copied before they are handed out", observations_held, ("GK620", "GK624")
+    ),
+    "GK611": Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624")),
+    "GK612": Hold("what state() gives copied", state_held, ("GK622",)),
     "GK636": READINGS,
     "GK637": READINGS,
-    "GK405": REWARDS,
-    "GK104": NAMES,
-    "GK503": ENDED,
-    "GK106": ENTRIES,
-    "GK311": ORDERS,
+    "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
+    "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
+    "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
+    "GK106": Hold(
+        "entries of agents that aren't in the game deleted",
+        entries_held,
+        ("GK221", "GK402", "GK403", "GK407", "GK527"),
+    ),
+    "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),
 }
 """By the check whose failure is a cause, in the order in which causes are established."""
 

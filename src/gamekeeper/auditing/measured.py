@@ -17,6 +17,7 @@ from gamekeeper.checks.facts.form_facts import (
     UnsettledMoves,
 )
 from gamekeeper.checks.facts.play_facts import OrderOutcome
+from gamekeeper.checks.facts.surface_facts import TimeLimits
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import role
@@ -63,6 +64,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     by_role, paid = roles_of(contract, evidence), payments(traces, api)
     # one reward for all is changed by every move: it doesn't show whose move came first
     is_joint = not paid.get("shared") and trials.contests(moves) >= roles.ALIKE
+    limit = comings.horizon(shapes)
     found = {
         "stages": turns.stages(shapes, by_role, play_order),
         "order": play_order,
@@ -73,7 +75,8 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "order_sensitive": order.get("result"),
         "order_ticks": order.get("ticks"),
         "deterministic": None if settled is False and _depends_on_use(evidence) else settled,
-        "horizon": comings.horizon(shapes),
+        "horizon": limit,
+        "near_limits": _near(limit, evidence),
         "symmetric": roles.symmetric(
             [] if settled is False else shapes,
             [] if settled is False else traces,
@@ -85,7 +88,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
             _first_comes(within, ranked, play_order),
         ),
         "reward": {**paid, "pairs": trials.pairs(moves)},
-        "endings": {**form.endings(traces, api), "kinds": comings.kinds_of_endings(shapes)},
+        "endings": {**form.endings(traces), "kinds": comings.kinds_of_endings(shapes)},
         "may_join": comings.joined(shapes) if shapes else None,
         "may_leave": comings.left(shapes) if shapes else None,
         "influence": trials.influence(moves),
@@ -96,7 +99,35 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "errors": _errors(evidence),
     }
     silent = {key: why for key, why in NOT_SEEN.items() if found[key] is None}
+    if "symmetric" in silent:
+        silent["symmetric"] = _asymmetric(by_role, settled, priority) or silent["symmetric"]
     return {**found, "not_measured": silent}
+
+
+def _near(horizon: int | None, evidence: ProbeEvidence) -> dict[str, int]:
+    """Attributes and arguments called like a limit that miss the measured horizon by one tick."""
+    named = [fact.value.limits for fact in evidence.facts(TimeLimits)]
+    if horizon is None or any(horizon in each.values() for each in named):
+        return {}
+    return {
+        name: value
+        for each in named[:1]
+        for name, value in each.items()
+        if abs(value - horizon) == 1
+    }
+
+
+def _asymmetric(
+    by_role: Mapping[str, Sequence[str]], settled: bool | None, priority: str | None
+) -> str | None:
+    """Reason why symmetry of roles wasn't looked at; None where it was."""
+    if all(len(agents) < 2 for agents in by_role.values()):
+        return "each role has one agent (roles by declaration, else by names without their number)"
+    if settled is False:
+        return "reruns of one seed differ by themselves"
+    if priority == "unclear":
+        return "it isn't known whether an order of the names decides conflicts"
+    return None
 
 
 def _signs(
@@ -206,6 +237,12 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
         each.divergence is None
         for each in evidence.counterfactuals("same_seed")
         if each.change["change"] in ("nothing", "the global generators")
+    ]
+    again += [each.divergence is None for each in evidence.counterfactuals("generators")]
+    again += [
+        each.divergence is None
+        for each in evidence.counterfactuals("other_process")
+        if each.noise is None
     ]
     reruns = [*unchanged_reruns.values(), *orders, *again]
     return all(reruns) if reruns else None

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.checks.effects import numbers_in
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.statistics.significance import FloatArray
 
@@ -92,7 +93,7 @@ def first_difference(one: Any, two: Any, volatile: Collection[str] = ()) -> Diff
 def numbers(out: Any, volatile: Collection[str] = ()) -> dict[str, FloatArray]:
     """The outcome as vectors of numbers by place, for statistics."""
     return {
-        f"{part} {agent}": np.array([*_floats(value)], np.float64)
+        f"{part} {agent}": np.array([*numbers_in(value)], np.float64)
         for (part, agent), value in entries(out, volatile).items()
     }
 
@@ -137,28 +138,14 @@ def value_bytes(value: Any) -> Iterator[bytes]:
         yield type(value).__qualname__.encode()
 
 
-def _floats(value: Any) -> Iterator[float]:
-    if isinstance(value, Mapping):
-        for key in sorted(value, key=str):
-            yield from _floats(value[key])
-    elif isinstance(value, tuple | list):
-        for each in value:
-            yield from _floats(each)
-    elif isinstance(value, np.ndarray):
-        if value.dtype.kind in "biuf":
-            yield from value.astype(np.float64).ravel().tolist()
-    elif isinstance(value, bool | int | float | np.number | np.bool_):
-        yield float(value)
-
-
 def _magnitude(value: Any) -> float:
     """The largest finite number in a value, without its sign."""
-    return max((abs(each) for each in _floats(value) if np.isfinite(each)), default=0.0)
+    return max((abs(each) for each in numbers_in(value) if np.isfinite(each)), default=0.0)
 
 
 def _is_close(one: Any, two: Any, scale: float) -> bool:
     """Tells whether numbers differ in their last digits only, for sums up to `scale`."""
-    a, b = np.array([*_floats(one)]), np.array([*_floats(two)])
+    a, b = np.array([*numbers_in(one)]), np.array([*numbers_in(two)])
     if a.shape != b.shape or np.array_equal(a, b, equal_nan=True):
         return False  # what differs is no number
     atol = max(ROUNDING * 1e-1, LAST_DIGITS * scale)  # a sum may nearly cancel out

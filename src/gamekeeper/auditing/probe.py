@@ -74,18 +74,7 @@ def probe(
 
     def made(look: Watcher) -> Probe:
         about = inspect.cleandoc(look.__doc__ or "")
-        return Probe(
-            name=name,
-            about=about,
-            share=share,
-            look=look,
-            plays=plays,
-            api=api,
-            fresh=fresh,
-            against=against,
-            tries=tries,
-            on_top=on_top,
-        )
+        return Probe(name, about, share, look, plays, api, fresh, against, tries, on_top)
 
     return made
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -14,6 +14,7 @@ from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.agent_spec import AgentSpec
+from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.exception_text import message, traceback_text
 from gamekeeper.episodes.layout import agent_name
@@ -112,6 +113,8 @@ class ProbeSession:
             entropy is held still, so that other faults can be seen.
         class_state: plays differ since instances share it; put back before each play and instance.
         workers: processes that play elsewhere, by their hash seed; all probes share them.
+        unlike: the first episode that another probe saw differ in an instance that had played it;
+            all probes share it.
     """
 
     probe: str
@@ -129,6 +132,7 @@ class ProbeSession:
     holds_entropy: bool = False
     class_state: ClassState | None = None
     workers: dict[int, WarmWorker] = field(default_factory=dict)
+    unlike: list[EpisodePlan] = field(default_factory=list)
     _made: list[Any] = field(default_factory=list)
 
     @property
@@ -164,8 +168,12 @@ class ProbeSession:
     def plays(self, count: int, *, runs: int = 1, most_turns: int = 1000) -> Iterator[EpisodePlan]:
         """`count` plays from seeds in a row, each played `runs` times within the ration."""
         turns = max(self.ration // max(count * runs, 1), LEAST_TURNS)
-        for k in range(count):
-            yield EpisodePlan(seed=self.seed + k, stream=k, most_turns=min(turns, most_turns))
+        return self.plays_of([min(turns, most_turns)] * count)
+
+    def plays_of(self, lengths: Iterable[int]) -> Iterator[EpisodePlan]:
+        """Plays from seeds in a row, of these lengths in turns."""
+        for k, turns in enumerate(lengths):
+            yield EpisodePlan(seed=self.seed + k, stream=k, most_turns=turns)
 
     def long_plays(
         self, count: int, *, runs: int = 1, most_turns: int = 1000
@@ -240,14 +248,24 @@ class ProbeSession:
         **options: Any,
     ) -> ProbeCounterfactual:
         """The base's actions played again with one change, beside its unchanged rerun."""
-        counterfactual = self.play(base.play, env, change=change, **options)
-        return ProbeCounterfactual(
-            base.trace,
-            unchanged_rerun.trace,
-            counterfactual.trace,
-            change.to_json(),
-            tuple(self.contract.volatile_infos()),
-        )
+        changed = self.play(base.play, env, change=change, **options)
+        return self.beside(base.trace, unchanged_rerun.trace, changed.trace, change.to_json())
+
+    def beside(
+        self, base: Episode, unchanged_rerun: Episode, changed: Episode, change: Mapping[str, Any]
+    ) -> ProbeCounterfactual:
+        """Episodes of a play: as it was, once more with nothing changed, and with a change."""
+        volatile = tuple(self.contract.volatile_infos())
+        return ProbeCounterfactual(base, unchanged_rerun, changed, change, volatile)
+
+    def divergence(self, one: Episode, two: Episode) -> Divergence | None:
+        """The first divergence of two episodes, in anything but volatile infos."""
+        return compare(one, two, volatile=self.contract.volatile_infos()).divergence
+
+    def fresh(self, play: EpisodePlan, **options: Any) -> EpisodeResult:
+        """Plays in an instance that is built, too, while the process's generators are held."""
+        with held():
+            return self.play(play, self.env(), **options)
 
     def call(
         self, name: str, function: Callable[..., Any], *arguments: Any, **named: Any
@@ -284,6 +302,15 @@ class ProbeSession:
     ) -> Fact[Kind]:
         """A fact of the play in hand."""
         return Fact(self.at(turn, agent, field), value, proof)
+
+    def space_of(self, agent: Any) -> Any:
+        """The action space of an agent, as it is known before the first reset; None without one."""
+        spec = self.agents.get(agent_name(agent))
+        return None if spec is None else spec.action_space
+
+    def handed(self, actions: Mapping[Any, Any]) -> Any:
+        """The actions of a turn as `step` takes them: in an AEC environment the only one."""
+        return actions if self.api == "parallel" else next(iter(actions.values()), None)
 
     def paper(self, play: EpisodePlan, actions: list[Mapping[Any, Any]]) -> None:
         """Notes what was played, where a probe has a loop of its own."""

@@ -8,6 +8,21 @@ from collections.abc import Callable
 from typing import Any, Final
 
 FILE: Final = "<reproducer>"
+NUMPY_TESTING: Final = f"numpy{os.sep}testing"
+
+
+def raised_at(error: BaseException) -> str:
+    """File and line that raised it; empty for the program itself, or NumPy's assertion in it."""
+    places, at = [], error.__traceback__
+    while at is not None:
+        places.append((at.tb_frame.f_code.co_filename, at.tb_lineno))
+        at = at.tb_next
+    if places and NUMPY_TESTING in places[-1][0]:
+        while places and (
+            NUMPY_TESTING in places[-1][0] or places[-1][0].endswith("contextlib.py")
+        ):
+            places.pop()
+    return "" if not places or places[-1][0] == FILE else f"{places[-1][0]}:{places[-1][1]}"
 
 
 def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
@@ -29,11 +44,7 @@ def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever it raises is the answer
-        at = error.__traceback__
-        while at is not None and at.tb_next is not None:
-            at = at.tb_next
-        file = FILE if at is None else at.tb_frame.f_code.co_filename
-        place = "" if at is None or file == FILE else f"{file}:{at.tb_lineno}"
+        place = raised_at(error)
         name, text = type(error).__name__, str(error)[:500]
         shown = error.args[0] if error.args and not place else None  # of `assert error is None`
         told = f"{type(shown).__name__}: {text}" if isinstance(shown, BaseException) else ""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 from gamekeeper.checks.verdict import Severity
 from gamekeeper.episodes.where import Where
@@ -60,3 +60,6 @@ class Case:
     proof: Reproducer | str | None = None
     confidence: float | None = None
     severity: Severity | None = None
+
+
+Cases: TypeAlias = Iterator[Case]

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from gamekeeper import plugins
-from gamekeeper.checks.case import Case
+from gamekeeper.checks.case import Case, Cases
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.verdict import HIGH, LOW, MEDIUM, Severity
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EvidenceError
 
-__all__ = ["HIGH", "LOW", "MEDIUM", "Case", "Check", "check", "checks", "selected"]
+__all__ = ["HIGH", "LOW", "MEDIUM", "Case", "Cases", "Check", "check", "checks", "selected"]
 
 GROUP: Final = "gamekeeper.checks"
 PACKAGE: Final = "gamekeeper.checks"
 ID: Final = re.compile(r"[A-Z]{2,8}\d{3,4}")
 
-Run: TypeAlias = Callable[[Contract, ProbeEvidence], Iterator[Case]]
+Run: TypeAlias = Callable[[Contract, ProbeEvidence], Cases]
 Applies: TypeAlias = Callable[[Contract, ProbeEvidence], str | None]
 """Reason why a check has no case to judge here; None where it has."""
 

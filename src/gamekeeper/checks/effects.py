@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
-from gamekeeper.checks.rounds import ticks
+from gamekeeper.checks.rounds import movers, ticks
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.statistics.significance import FloatArray, wilson
 
@@ -45,10 +45,8 @@ def effects(counterfactual: ProbeCounterfactual) -> Iterator[ActionEffect]:
     source, start = str(counterfactual.change["agent"]), int(counterfactual.change["turn"])
     later = int(counterfactual.change["later"])
     end = _last_equal(counterfactual)
-    base, changed = (
-        by_turn(counterfactual.base, start, end),
-        by_turn(counterfactual.trace, start, end),
-    )
+    base = by_turn(counterfactual.base, start, end)
+    changed = by_turn(counterfactual.trace, start, end)
     names = sorted({name for turn in base.values() for name in turn.agents})
     for turn in sorted(base.keys() & changed.keys()):
         one, two = base[turn], changed[turn]
@@ -72,10 +70,10 @@ def later_looks(counterfactual: ProbeCounterfactual) -> Iterator[tuple[tuple[int
     """Turn and agent of those who act later in the tick, and whether they observe the change."""
     start = int(counterfactual.change["turn"])
     tick = next((each for each in ticks(counterfactual.base) if start in each), range(0))
-    movers = {turn.index: turn.order for turn in counterfactual.base.turns if turn.index in tick}
+    acted = {turn.index: movers(turn) for turn in counterfactual.base.turns if turn.index in tick}
     for effect in effects(counterfactual):
         turn = start + effect.lag
-        if effect.on == "observation" and effect.target in movers.get(turn, ()):
+        if effect.on == "observation" and effect.target in acted.get(turn, ()):
             yield (turn, effect.target), effect.is_changed
 
 
@@ -121,17 +119,22 @@ def _differ(one: Any, two: Any) -> bool:
 def _vector(value: Any) -> FloatArray:
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return value.astype(np.float64).ravel()
-    return np.array(_flat(value), np.float64)
+    return np.array([*numbers_in(value)], np.float64)
 
 
-def _flat(value: Any) -> Sequence[float]:
-    if isinstance(value, dict):
-        return [number for key in sorted(value) for number in _flat(value[key])]
-    if isinstance(value, list | tuple):
-        return [number for each in value for number in _flat(each)]
-    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-        return value.astype(np.float64).ravel().tolist()
-    return [float(value)] if isinstance(value, bool | int | float | np.number) else []
+def numbers_in(value: Any) -> Iterator[float]:
+    """Yields the numbers in a value, those of a dictionary in the order of its keys."""
+    if isinstance(value, Mapping):
+        for key in sorted(value, key=str):
+            yield from numbers_in(value[key])
+    elif isinstance(value, tuple | list):
+        for each in value:
+            yield from numbers_in(each)
+    elif isinstance(value, np.ndarray):
+        if value.dtype.kind in "biuf":
+            yield from value.astype(np.float64).ravel().tolist()
+    elif isinstance(value, bool | int | float | np.number | np.bool_):
+        yield float(value)
 
 
 SHOWN_AGENTS: Final = 6

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.checks.case import Case, Reproducer
+from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.facts.seed_facts import (
     LaterSeeds,
     PlayElsewhere,
@@ -43,7 +42,7 @@ def settled_by_seed(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 def parted(
     counterfactual: ProbeCounterfactual, proof: Reproducer, *, expected: str = SAME
-) -> Iterator[Case]:
+) -> Cases:
     """One look at a counterfactual: did it part from its base, and from nothing else's doing?"""
     divergence = counterfactual.divergence
     if divergence is not None and divergence.field == "nonconforming":
@@ -51,13 +50,8 @@ def parted(
     if divergence is None:
         yield Case(whole(counterfactual), True, expected, expected)
     elif counterfactual.noise is None:
-        yield Case(
-            difference_place(counterfactual, divergence),
-            False,
-            expected,
-            told_difference(divergence),
-            proof,
-        )
+        seen = told_difference(divergence)
+        yield Case(difference_place(counterfactual, divergence), False, expected, seen, proof)
 
 
 def whole(counterfactual: ProbeCounterfactual) -> Where:
@@ -259,7 +253,7 @@ COUNTERFACTUAL_FIELDS: Final = {"reward": "rewards", "action": "actions", "obs":
 
 def counterfactual_cases(
     counterfactual: ProbeCounterfactual, expected: str, proof: Reproducer | None = None
-) -> Iterator[Case]:
+) -> Cases:
     """Compares a counterfactual with its base; yields nothing where the unchanged rerun diverges.
 
     A play that isn't the same twice may part from itself earlier or later each time, so that a

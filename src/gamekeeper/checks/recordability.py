@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.play_facts import AgentNames, UnwrittenActions
 from gamekeeper.checks.paired_plays import counterfactual_cases
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -25,7 +24,7 @@ REPLAY_PROOF = (
     "their values alone",
     looks_at="an episode in which no step raised",
 )
-def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A play replays bit for bit from its evidence: seed, options and the actions as they were written.
 
     A recording is all that a later reader has. Where the same actions from the same seed give
@@ -58,7 +57,7 @@ NAMES_PROOF = (
 @check(
     "GK902", needs=("evidence",), severity=MEDIUM, fix="give every agent a name of its own, as text"
 )
-def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents can be told apart as text: no two are written alike, and none is empty.
 
     Tables, files and most trainers know agents by their text; the int 1 and the text "1" become

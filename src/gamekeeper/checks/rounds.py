@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final
 
-from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.episode import Episode, Turn
 
 FIXED: Final = "fixed"
 ROTATING: Final = "rotating"
@@ -14,20 +14,28 @@ OTHER: Final = "other"
 
 
 def ticks(trace: Episode) -> list[range]:
-    """The turns of a play by ticks: one ends before somebody acts a second time in it."""
+    """The turns of a play by ticks: one ends before somebody acts a second time in it.
+
+    The None step of an agent that had ended belongs to the tick before it.
+    """
     starts, acted, last = [0], set[str](), -1
     for turn in trace.turns:
-        if acted & set(turn.order):
+        if not acted.isdisjoint(movers(turn)):
             starts.append(turn.index)
             acted = set()
-        acted |= set(turn.order)
+        acted.update(movers(turn))
         last = turn.index
     return [range(start, end) for start, end in pairwise([*starts, last + 1]) if start < end]
 
 
+def movers(turn: Turn) -> tuple[str, ...]:
+    """Agents that acted at a turn, without one that had ended and stepped with None."""
+    return tuple(agent for agent in turn.order if turn.actions.get(agent) is not None)
+
+
 def orders(trace: Episode) -> list[tuple[str, ...]]:
     """Order of the agents that acted in each tick; the last tick may be cut short."""
-    acted = {turn.index: turn.order for turn in trace.turns}
+    acted = {turn.index: movers(turn) for turn in trace.turns}
     rounds = [tuple(n for k in tick for n in acted.get(k, ())) for tick in ticks(trace)]
     return [each for each in rounds if each]
 

@@ -279,7 +279,7 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
         episodes=episodes,
         condition=repr(failed) if failed else "None",
         scope=found.scope,
-        arms=_python(arms),
+        arms=pprint.pformat(arms, width=96, sort_dicts=False),
         failed_as_is=counts[0],
         least=max(counts[0] // 2, 1),
         most=max((counts[0] - 1) // 2, max(counts[1:])),
@@ -306,8 +306,3 @@ def _words(text: str) -> str:
     """Words for a docstring: whatever they are, they don't end it, and stay on their line."""
     plain = "".join(sign if sign.isprintable() else " " for sign in text)
     return plain.replace("\\", "\\\\").replace('"', "'")
-
-
-def _python(arms: dict[str, Any]) -> str:
-    """As a literal that a person can read."""
-    return pprint.pformat(arms, width=96, sort_dicts=False)

@@ -67,7 +67,7 @@ class Layout:
 
     terms: tuple[str, ...] = ()
     state: SpaceColumns | None = None
-    seats: dict[AgentId, AgentColumns] = field(default_factory=dict)
+    agents: dict[AgentId, AgentColumns] = field(default_factory=dict)
     order: list[AgentColumns] = field(default_factory=list)
     _names: set[str] = field(default_factory=set)
     _columns: dict[str, dict[str, Column]] = field(default_factory=dict)
@@ -97,7 +97,7 @@ class Layout:
             self._groups_now[kind] = len(order), groups
         return groups
 
-    def seat(self, agent: AgentId, observation: Codec | None, action: Codec | None) -> AgentColumns:
+    def add(self, agent: AgentId, observation: Codec | None, action: Codec | None) -> AgentColumns:
         """Gives an agent its place, with new columns where its spaces are new."""
         name = agent_name(agent)
         while name in self._names:  # the agents 0 and "0" have one name
@@ -109,7 +109,7 @@ class Layout:
             None if observation is None else self._side("obs", name, observation),
             None if action is None else self._side("action", name, action),
         )
-        self.seats[agent] = place
+        self.agents[agent] = place
         self.order.append(place)
         self._names.add(name)
         return place
@@ -120,7 +120,7 @@ class Layout:
         codecs: Callable[[AgentId], tuple[Codec | None, Codec | None]],
     ) -> None:
         """Gives all `agents` their places at once: columns are named after groups that differ."""
-        pairs = [(agent, *codecs(agent)) for agent in agents if agent not in self.seats]
+        pairs = [(agent, *codecs(agent)) for agent in agents if agent not in self.agents]
         for kind, place in (("obs", 1), ("action", 2)):
             spaces = [(clean(_text(p[0])), p[place]) for p in pairs if p[place] is not None]
             groups = group_names(spaces)
@@ -131,7 +131,7 @@ class Layout:
                     }
                     self._add(kind, leaf, f"@{group}" if len(rivals) > 1 else "")
         for agent, observation, action in pairs:
-            self.seat(agent, observation, action)
+            self.add(agent, observation, action)
 
     def take_state(self, codec: Codec | None) -> None:
         """Gives the environment's `state()` its columns, once its space is known."""

@@ -32,9 +32,9 @@ from gamekeeper.evaluation.claim_pack import (
     figures_of,
     hash_of_claim,
     installed_packages,
+    signer_of,
     source_module,
 )
-from gamekeeper.evaluation.claim_signature import signer_of
 from gamekeeper.evaluation.continuation import document_in
 from gamekeeper.import_guard import guarded, unguarded
 from gamekeeper.rollouts.executors.storage import Storage

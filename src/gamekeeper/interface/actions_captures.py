@@ -51,7 +51,7 @@ class _Witnessed(Capture):
         self._quiet_below = 0
         super()._begin(seed, options)
 
-    def _crossed(self) -> None:
+    def _stepped(self) -> None:
         """After a step: looks at state() only where the turn that comes is a witness."""
         turn, state = self.turn, self._state
         stops = turn - turn % EVERY + EVERY, turn - turn % CHECK_TURNS + CHECK_TURNS
@@ -60,7 +60,7 @@ class _Witnessed(Capture):
             self._state, self._state_entry = None, NO_STATE
         try:
             if self._frames or not turn % EVERY or not turn % CHECK_TURNS:
-                super()._crossed()
+                super()._stepped()
         finally:
             self._state = state
 
@@ -145,7 +145,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         else:
             self._write_out()
             self._pay(_moves_of(payloads), rewards, _UNTIMED)
-        self._crossed()
+        self._stepped()
         self._give(*parts)
 
     def _commit_usual(self, payloads: list[Any], paid: list[Any]) -> None:
@@ -187,7 +187,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         if agents != self._who or len(self._indexes) != len(self._who):
             if agents.__class__ is not list:
                 return False
-            self._take_seats(list(agents))
+            self._take_agents(list(agents))
         who = self._who
         if not list(observations) == list(terms) == list(truncs) == who:
             return False
@@ -195,8 +195,8 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
             map(is_, truncs.values(), repeat(False))
         )
 
-    def _take_seats(self, who: list[AgentId]) -> None:
-        super()._take_seats(who)
+    def _take_agents(self, who: list[AgentId]) -> None:
+        super()._take_agents(who)
         self._indexes = [index for index, _ in self._givers]
 
     def _add_row(self, agent: AgentId, *, live: bool) -> None:

@@ -1,4 +1,4 @@
-"""The door to an AEC environment: a turn is one agent's turn.
+"""The capture of an AEC environment: a turn is one agent's turn.
 
 Rows stand only for who acted, was paid, or whose flags or place in the roster changed: 2,048 agents
 don't cost 2,048 rows a turn. What a step pays stands at its own turn; what it changes in flags
@@ -42,7 +42,7 @@ _NOTHING_DONE: Final = (None, None, None, None, None, None)
 
 
 class AECCapture(Capture):
-    """One live AEC environment behind the door."""
+    """One live AEC environment whose calls are recorded."""
 
     api = "aec"
 
@@ -266,7 +266,7 @@ class AECCapture(Capture):
 
     def _note(self, actor: AgentId) -> None:
         """The next turn begins: state, frame, and whose flags or place in the roster changed."""
-        self._crossed()
+        self._stepped()
         agents = self._books.agents
         self._note_changes(actor, agents)
         if not agents:

@@ -86,7 +86,6 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         "__after",
         "__chooses",
         "__circle",
-        "__crossed",
         "__due",
         "__ended",
         "__limit",
@@ -95,6 +94,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         "__ranges",
         "__shows",
         "__spaces",
+        "__stepped",
         "__stirred",
         "__then",
         "__tick",
@@ -196,7 +196,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         self.__chooses = type(self).next_agent is not Books.next_agent
         self.turns = 0
         self.agents, self.agent_selection = roster, roster[0]
-        self.__crossed = True
+        self.__stepped = True
 
     def _begin(self, first: AgentId) -> None:
         """Hands the first turn over, once the first state is there.
@@ -267,7 +267,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         if self.__ended or self.__limit is not None:
             then = self.__pass_on(agent, then)
         self.agent_selection = then
-        self.__crossed = True
+        self.__stepped = True
         if self.__shows:
             self._show((then,))
 
@@ -299,13 +299,13 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         """
         if not hasattr(self, "agents"):
             raise before_reset("agent_iter")
-        self.__crossed = True
+        self.__stepped = True
         return self.__turns_to_come(max_iter)
 
     def __turns_to_come(self, left: int) -> Iterator[Any]:
         """Yields the agent in turn until nobody is left."""
         while left > 0 and self.agents:
-            if not self.__crossed:
+            if not self.__stepped:
                 raise OrderError(
                     "a loop over agent_iter() went round without a step",
                     where="agent_iter",
@@ -313,7 +313,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
                     actual="neither",
                     fix="call step(action) once in each round; None for an agent that has ended",
                 )
-            self.__crossed = False
+            self.__stepped = False
             left -= 1
             yield self.agent_selection
 
@@ -391,8 +391,8 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         elif self.agents:
             self.agent_selection = self.__then
         else:
-            waiting.append(agent)  # the door stays shut until the next reset
-        self.__crossed = True
+            waiting.append(agent)  # waits for the next reset, as all do
+        self.__stepped = True
         if self.__shows and self.agents:
             self._show((self.agent_selection,))
 

@@ -1,8 +1,8 @@
-"""The door: the only way to a live environment, and the only place where anything is captured.
+"""The only way to a live environment, and the only place where anything is captured.
 
 A `Capture` is the same for both of PettingZoo's APIs: reset, step, close. What the environment
 gives
-and what is done to it goes onto a buffer, if a sink was handed in. The door makes only the calls
+and what is done to it goes onto a buffer, if a sink was handed in. A capture makes only the calls
 that
 its caller makes, but for `state()` (and `render()` where frames are asked for), each looked at once
 for drawing from a random generator before it is used.
@@ -52,7 +52,7 @@ SEEDS: Final = range(-(1 << 63), 1 << 63)  # what stands in the column of seeds
 
 
 class Capture:
-    """One live environment behind the door. Use `ParallelCapture` or `AECCapture`."""
+    """One live environment whose calls are recorded. Use `ParallelCapture` or `AECCapture`."""
 
     api: str
 
@@ -97,22 +97,26 @@ class Capture:
             except BaseException as error:  # told where it is evidence: by the first episode
                 self._unfit = error
 
-    # -- seats and spaces
+    # -- columns and spaces
 
     def _packers_of(self, agent: AgentId) -> tuple[int, Pack, Pack]:
         """Column number of an agent, and the functions that pack its observations and actions."""
         assert self.sink is not None
         layout = self.sink.layout
-        seat = layout.seats.get(agent)
-        if seat is None:
-            seat = layout.seat(agent, *self._codecs(agent))
-        found = seat.index, observation_packer(seat.observation, self.sink), action_packer(seat)
+        columns = layout.agents.get(agent)
+        if columns is None:
+            columns = layout.add(agent, *self._codecs(agent))
+        found = (
+            columns.index,
+            observation_packer(columns.observation, self.sink),
+            action_packer(columns),
+        )
         self._packers[agent] = found
         return found
 
-    def _seat(self, agent: AgentId) -> AgentColumns:
+    def _columns_of(self, agent: AgentId) -> AgentColumns:
         assert self.sink is not None
-        return self.sink.layout.seats[agent]
+        return self.sink.layout.agents[agent]
 
     def _codecs(self, agent: AgentId) -> tuple[Codec | None, Codec | None]:
         return (
@@ -147,8 +151,8 @@ class Capture:
             self._since = self.episode
         self._open, self._is_closed, self._half = True, False, None
         self._failure, self._state_entry = None, NO_STATE
-        for seat in self.sink.layout.order:
-            seat.acts_as = None
+        for columns in self.sink.layout.order:
+            columns.acts_as = None
         text = None if options is None else to_json(options)
         opening = None if self.openings is None else self.openings.start(seed)
         self.was_reset = True
@@ -188,10 +192,10 @@ class Capture:
     def _action_types(self) -> str:
         """Python or NumPy type of each agent's whole-number actions in this episode, as JSON."""
         assert self.sink is not None
-        seats = self.sink.layout.order
-        types = [seat.acts_as for seat in seats]
+        agents = self.sink.layout.order
+        types = [columns.acts_as for columns in agents]
         if types != self._types[0]:
-            named = {s.name: type_name_of(s.acts_as) for s in seats if s.acts_as is not None}
+            named = {s.name: type_name_of(s.acts_as) for s in agents if s.acts_as is not None}
             self._types = types, to_json(named)
         return self._types[1]
 
@@ -206,11 +210,11 @@ class Capture:
             return None
         if not isinstance(found, dict):
             return None
-        seats = self.sink.layout.seats
+        agents = self.sink.layout.agents
         reasons = {
-            seats[agent].name: reason
+            agents[agent].name: reason
             for agent, reason in found.items()
-            if agent in seats and isinstance(reason, str)
+            if agent in agents and isinstance(reason, str)
         }
         return to_json(reasons) if reasons else None
 
@@ -246,7 +250,7 @@ class Capture:
 
     def _nonconforming_action(self, agent: AgentId, action: Any) -> tuple[int | None, tuple[str]]:
         """Payload and `nonconforming` entry of an action that its packer didn't take."""
-        payload = other_whole(self._seat(agent), action)
+        payload = other_whole(self._columns_of(agent), action)
         entry = (
             nonconforming("action", action)
             if payload is None
@@ -290,7 +294,7 @@ class Capture:
         """Books a step, or the rest of it where its own turn stands on the buffer already."""
         raise NotImplementedError
 
-    def _crossed(self) -> None:
+    def _stepped(self) -> None:
         """After a step: the next turn begins with a look at state and frame."""
         if self._state is not None:
             self._state_entry = self._look_at_state()

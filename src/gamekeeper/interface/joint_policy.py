@@ -23,7 +23,7 @@ from gamekeeper.interface.policy import (
     Player,
     SlotPolicy,
     Start,
-    guarded_seat,
+    guarded,
     is_schemed,
     raised,
     reset_policy,
@@ -359,8 +359,8 @@ class JointPolicy:
                 reset_policy(chosen.policy, int(rng.integers(1 << 31)))
             except (Exception, SystemExit) as error:
                 raise raised(chosen, agent, error) from error
-            return self._seat(agent, chosen)(rng)
-        return self._seat(agent, _copied(chosen) or chosen)(rng)
+            return self._start_of(agent, chosen)(rng)
+        return self._start_of(agent, _copied(chosen) or chosen)(rng)
 
     def asked(
         self, agent: Any, observation: Any, info: Any, times: int, *, anew: bool
@@ -379,12 +379,14 @@ class JointPolicy:
         rng = self._rngs.get(agent) or policy_rng(self._run_seed, self._episode, agent)
         rng = copy.deepcopy(rng)
         found = [self.act(agent, observation, info)]
-        seats = [
-            self._seat(agent, each)(self._rngs[agent] if anew else rng) for each in copies if each
+        starts = [
+            self._start_of(agent, each)(self._rngs[agent] if anew else rng)
+            for each in copies
+            if each
         ]
-        if not seats and not anew:
+        if not starts and not anew:
             return found
-        players = seats or [self._playing[agent]]
+        players = starts or [self._playing[agent]]
         return found + [players[at % len(players)](observation, info) for at in range(times - 1)]
 
     def renewer(self, agents: Iterable[Any]) -> Callable[[], None]:
@@ -451,13 +453,13 @@ class JointPolicy:
     def _enter(self, agent: Any) -> Player:
         start = self._starts.get(agent)
         if start is None:
-            start = self._starts[agent] = self._seat(agent, self.chosen_for(agent))
+            start = self._starts[agent] = self._start_of(agent, self.chosen_for(agent))
         if agent not in self._rngs:
             self._rngs[agent] = policy_rng(self._run_seed, self._episode, agent)
         return start(self._rngs[agent])
 
-    def _seat(self, agent: Any, chosen: Chosen) -> Start:
-        seat = AgentSlot(
+    def _start_of(self, agent: Any, chosen: Chosen) -> Start:
+        slot = AgentSlot(
             agent,
             self._action_space(agent),
             role=self._roles(agent),
@@ -466,5 +468,5 @@ class JointPolicy:
             shared=self._shared,
         )
         if isinstance(chosen.policy, SlotPolicy):
-            return chosen.policy.seat(seat)
-        return guarded_seat(seat, chosen, chosen.policy)
+            return chosen.policy.start_for(slot)
+        return guarded(slot, chosen, chosen.policy)

@@ -241,13 +241,13 @@ def _slot_or_bytes(value: Any, sink: Sink, pack: Pack) -> Any:
     return pack(value)
 
 
-def action_packer(seat: AgentColumns) -> Pack:
+def action_packer(columns: AgentColumns) -> Pack:
     """As the action space's codec packs; a whole number must also be of the episode's first type.
 
     Environments treat int and numpy.int64 differently (`action is 1`, overflow, JSON), so a replay
     hands over what was handed over; the type is kept once for each agent and episode.
     """
-    side = seat.action
+    side = columns.action
     if side is None:
         return nothing
     codec = side.codec
@@ -259,21 +259,21 @@ def action_packer(seat: AgentColumns) -> Pack:
 
     def pack_whole(action: Any) -> Any:
         kind = action.__class__
-        if kind is not seat.acts_as:
-            if seat.acts_as is not None or pack(action) is None:
+        if kind is not columns.acts_as:
+            if columns.acts_as is not None or pack(action) is None:
                 return None
-            seat.acts_as = seat.action_type = kind
+            columns.acts_as = columns.action_type = kind
         number = action if kind is int else int(action)
         return number if low <= number <= high else None
 
     return pack_whole
 
 
-def other_whole(seat: AgentColumns, action: Any) -> int | None:
+def other_whole(columns: AgentColumns, action: Any) -> int | None:
     """The payload of a whole number of its space that is of another type than the first was."""
-    if seat.action is None or seat.acts_as is None:
+    if columns.action is None or columns.acts_as is None:
         return None
-    pack = seat.action.codec.pack_one
+    pack = columns.action.codec.pack_one
     payload = None if pack is None else pack(action)
     return payload if payload.__class__ is int else None
 

@@ -1,4 +1,4 @@
-"""The door to a Parallel environment: a turn is a tick, a row for every live agent."""
+"""The capture of a Parallel environment: a turn is a tick, a row for every live agent."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BOOL: Final = frozenset({bool})
 
 
 class ParallelCapture(Capture):
-    """One live Parallel environment behind the door."""
+    """One live Parallel environment whose calls are recorded."""
 
     api = "parallel"
 
@@ -38,7 +38,7 @@ class ParallelCapture(Capture):
         """Takes hold of a PettingZoo ParallelEnv; `settings` as in `Capture`."""
         super().__init__(env, **settings)
         self._who: list[AgentId] = []  # the agents of the rows that wait for an action
-        self._givers: list[tuple[int, Pack]] = []  # seat and observation packer of each of them
+        self._givers: list[tuple[int, Pack]] = []  # index and observation packer of each of them
         self._doers: list[Pack] = []  # action packer of each of them
         self._waiting: list[Any] = []  # those rows: what was given
         self._ended = False
@@ -100,7 +100,7 @@ class ParallelCapture(Capture):
         self._half = self.turn, moves, parts, wall_ns
         self._observations, self._infos = parts[0], parts[4]
         self._pay(moves, parts[1], wall_ns)
-        self._crossed()
+        self._stepped()
         self._give(*parts)
         self._half = None
         return out
@@ -110,8 +110,8 @@ class ParallelCapture(Capture):
         if self.turn == turn:
             del self._waiting[len(self._who) * GIVEN :]
             self._pay([*moves, *[NO_MOVE] * (len(self._who) - len(moves))], parts[1], wall_ns)
-        self._take_seats(self._who)
-        self._crossed()
+        self._take_agents(self._who)
+        self._stepped()
         self._give(*parts)
 
     def _after(self, out: Any) -> Any:
@@ -147,7 +147,7 @@ class ParallelCapture(Capture):
             is dict
         ) and len(observations) == len(rewards) == len(terms) == len(truncs) == len(infos) == rows:
             if count and agents != self._who:
-                self._take_seats(list(agents))
+                self._take_agents(list(agents))
             parts = observations, rewards, terms, truncs, infos
             is_usual = count > 0 or list(observations) == self._who
             if is_usual and self._give_usual(waiting.extend, count > 0, *parts):
@@ -204,7 +204,7 @@ class ParallelCapture(Capture):
         live = len(who)
         for part in parts:
             who.update(dict.fromkeys(part))
-        self._take_seats(list(who))
+        self._take_agents(list(who))
         over = True
         for place, agent in enumerate(who):
             given = [part.get(agent, MISSING) for part in parts]
@@ -214,7 +214,7 @@ class ParallelCapture(Capture):
         if not live:
             self._end()
 
-    def _take_seats(self, who: list[AgentId]) -> None:
+    def _take_agents(self, who: list[AgentId]) -> None:
         """The rows of the turn that comes are those of `who`."""
         packers = [self._packers.get(agent) or self._packers_of(agent) for agent in who]
         self._who = who
@@ -355,7 +355,7 @@ class ParallelCapture(Capture):
         if not self._is_closed:
             self._commit(self._waiting, NOTHING_DONE * len(self._who), len(self._who), None)
         self._waiting = []
-        self._take_seats([])
+        self._take_agents([])
         self._finish("ended" if over or not getattr(self.env, "agents", ()) else "cut")
 
 

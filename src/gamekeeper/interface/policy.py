@@ -25,7 +25,7 @@ _UNFIT: Final = (PolicyError, AssertionError, ValueError, TypeError, IndexError)
 """Errors to which a mask of a wrong form leads, here or in Gymnasium's `sample`."""
 
 Player: TypeAlias = Callable[[Any, Any], Any]
-"""From an observation and an info to an action: a policy in its seat, for one episode."""
+"""From an observation and an info to an action: a policy in an agent's place, for one episode."""
 
 Start: TypeAlias = Callable[[Generator], Player]
 """From the stream of one episode to the player of that episode."""
@@ -44,23 +44,22 @@ class AgentSlot:
     mask: str | None = None
     """Place of the mask by its contract: `observation.KEY` or `infos.KEY`."""
     shared: dict[Any, Any] = field(default_factory=dict)
-    """One for all seats of a cast: what is the same for many agents need stand only once."""
+    """The same object for all agents: what they have in common need stand only once."""
 
 
 @runtime_checkable
 class SlotPolicy(Protocol):
-    """A policy that wants to know each seat it fills: a module in `game.policies`, or an object.
+    """A policy that wants to know each agent it plays: a module of `policies`, or an object.
 
     Optional: `check(agent, role, noop)`, called before anything runs, raises a PolicyError where
-        the
-    policy can't play an agent.
+    the policy can't play an agent.
     """
 
     VERSION: str
     """A text that changes when the same seed would lead to other actions."""
 
-    def seat(self, given: AgentSlot, /) -> Start:
-        """The policy in a seat, ready to start episodes."""
+    def start_for(self, given: AgentSlot, /) -> Start:
+        """The policy in an agent's place, ready to start episodes."""
 
 
 @contextlib.contextmanager
@@ -350,18 +349,18 @@ def _as_policy_error(name: str) -> Iterator[None]:
         raise PolicyError(**error.parts()) from error
 
 
-def guarded_seat(seat: AgentSlot, chosen: Chosen, policy: Policy) -> Start:
-    """A user's policy in a seat: what it raises is told, and so is an answer that can't be used.
+def guarded(slot: AgentSlot, chosen: Chosen, policy: Policy) -> Start:
+    """A user's policy in an agent's place: tells what it raises, or answers that can't be used.
 
     Actions of a Discrete space are looked at. Those of other spaces pass as they are: many
     environments take a list or a float64 where their space says float32.
     """
-    agent, space = seat.agent, seat.space
+    agent, space = slot.agent, slot.space
     first = int(space.start) if isinstance(space, Discrete) else None
     end = first + int(space.n) if isinstance(space, Discrete) and first is not None else 0
 
     def legal(observation: Any, info: Any) -> str:
-        return _legal_actions(seat, observation, info)
+        return _legal_actions(slot, observation, info)
 
     def start(rng: Generator) -> Player:
         def play(observation: Any, info: Any) -> Any:
@@ -370,11 +369,11 @@ def guarded_seat(seat: AgentSlot, chosen: Chosen, policy: Policy) -> Start:
             except (Exception, SystemExit) as error:
                 raise raised(chosen, agent, error) from error
             if action is None:
-                raise _returned(PolicyError, chosen, seat, action, legal(observation, info))
+                raise _returned(PolicyError, chosen, slot, action, legal(observation, info))
             if first is not None:
                 is_number = type(action) is int or isinstance(action, np.integer)
                 if not (first <= action < end if is_number else space.contains(action)):
-                    raise _returned(ActionError, chosen, seat, action, legal(observation, info))
+                    raise _returned(ActionError, chosen, slot, action, legal(observation, info))
             return action
 
         return play
@@ -396,13 +395,13 @@ _MOST_LEGAL: Final = 20
 """Legal actions that an error lists."""
 
 
-def _legal_actions(seat: AgentSlot, observation: Any, info: Any) -> str:
+def _legal_actions(slot: AgentSlot, observation: Any, info: Any) -> str:
     """The actions that were legal, as an error names them."""
-    space = seat.space
+    space = slot.space
     if not isinstance(space, Discrete):
         return f"an action of {space}"
     first, size = int(space.start), int(space.n)
-    mask = reader(seat.mask)(observation, info)
+    mask = reader(slot.mask)(observation, info)
     try:
         flags = None if mask is None else legal_flags(mask, size)
     except PolicyError:  # a mask that doesn't fit: which actions are legal isn't known
@@ -415,13 +414,13 @@ def _legal_actions(seat: AgentSlot, observation: Any, info: Any) -> str:
 
 
 def _returned(
-    kind: type[GamekeeperError], chosen: Chosen, seat: AgentSlot, action: Any, legal: str
+    kind: type[GamekeeperError], chosen: Chosen, slot: AgentSlot, action: Any, legal: str
 ) -> GamekeeperError:
     return kind(
-        f"the policy {chosen.name} returned {action!r:.80} for {seat.agent!r}, which is alive"
+        f"the policy {chosen.name} returned {action!r:.80} for {slot.agent!r}, which is alive"
         if action is None
-        else f"the policy {chosen.name} chose {action!r:.80} for {seat.agent!r}",
-        where=str(seat.agent),
+        else f"the policy {chosen.name} chose {action!r:.80} for {slot.agent!r}",
+        where=str(slot.agent),
         expected=legal,
         actual=f"{action!r:.80}",
         fix="return a legal action of the agent at every call",

@@ -68,7 +68,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
         if promises.captures:
             self.render_mode = "ansi"
         self._is_ready = not promises.order
-        self._has_crossed = False
+        self._has_stepped = False
         self._was_illegal = False  # the game was ended by a masked-out action
         self._seen: Any = None  # what the agent in turn was shown since the last step
         self._seen_info: Any = None
@@ -112,7 +112,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
 
     def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> None:
         """Begins an episode."""
-        self._is_ready = self._has_crossed = True
+        self._is_ready = self._has_stepped = True
         self._was_illegal, self._seen = False, None
         self._spaces.clear()
         self._ranges.clear()
@@ -153,7 +153,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
         if promises.order:
             if not self._is_ready:
                 raise _too_early("step")
-            self._has_crossed = True
+            self._has_stepped = True
             if not env.agents:
                 EnvLogger.warn_step_after_terminated_truncated()
                 return
@@ -179,7 +179,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
     def _turns_to_come(self, left: int) -> Iterator[Any]:
         env = self.env
         while left > 0 and env.agents:
-            if not self._has_crossed:
+            if not self._has_stepped:
                 raise CallError(
                     "a loop over agent_iter() went round without a step",
                     where="agent_iter",
@@ -187,7 +187,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
                     actual="neither",
                     fix="call env.step(action) in each round; None for an agent that has ended",
                 )
-            self._has_crossed = False
+            self._has_stepped = False
             left -= 1
             yield env.agent_selection
 

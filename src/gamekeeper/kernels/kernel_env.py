@@ -36,7 +36,7 @@ class KernelRules(Authored):
         render_mode: one of metadata["render_modes"], or None.
         debug: the rules run as plain Python, for breakpoints in them.
     Attributes:
-        bench: the state and the arrays of the one copy.
+        memory: the state and the arrays of the one copy.
     """
 
     copy: ClassVar[Any] = False  # each look is a new copy, of its space's type
@@ -56,7 +56,7 @@ class KernelRules(Authored):
         self.action_spaces = {a: kernel.action_of(a) for a in kernel.agents}
         if kernel.state_space is not None:
             self.state_space: Any = kernel.state_space
-        self.bench = copy_arrays_of(kernel)
+        self.memory = copy_arrays_of(kernel)
 
     @property
     def tables(self) -> NDArray[Any]:
@@ -65,28 +65,28 @@ class KernelRules(Authored):
 
     @tables.setter
     def tables(self, tables: NDArray[Any]) -> None:
-        self._tables, self.bench.ties = tables, None
+        self._tables, self.memory.ties = tables, None
 
     def tied(self) -> Ties:
         """Functions that are called at a step, looked up anew."""
-        self.bench.ties = Ties(self.kernel, self.single, self._tables, self.bench)
-        return self.bench.ties
+        self.memory.ties = Ties(self.kernel, self.single, self._tables, self.memory)
+        return self.memory.ties
 
     def restore(self, snapshot: Snapshot) -> None:
         """Goes on from a snapshot, in the memory that is tied already."""
-        own = self.bench
+        own = self.memory
         super().restore(snapshot)
-        own.take(self.bench)
-        self.bench = own
+        own.take(self.memory)
+        self.memory = own
 
     def __setstate__(self, state: Any) -> None:
-        """A bench comes out of a pickle as bytes; whose they are the kernel knows."""
+        """A memory comes out of a pickle as bytes; whose they are the kernel knows."""
         for part in state if isinstance(state, tuple) else (state,):
             for name, value in (part or {}).items():
                 object.__setattr__(self, name, value)
-        if isinstance(self.bench, bytes):
-            held, self.bench = self.bench, copy_arrays_of(self.kernel)
-            self.bench.take(held)
+        if isinstance(self.memory, bytes):
+            held, self.memory = self.memory, copy_arrays_of(self.kernel)
+            self.memory.take(held)
 
     def known_sections(self) -> dict[str, Any]:
         """The kernel's terms, endings and horizon; of which kind they are, its rules alone know."""
@@ -100,33 +100,33 @@ class KernelRules(Authored):
 
     def starting_agents(self) -> Iterable[Any]:
         """Agents that are live as the rules begin: they are asked first."""
-        rng, bench = self.rng, self.bench
+        rng, memory = self.rng, self.memory
         seed = rng.seed - 2 * SIGN if rng.seed >= SIGN else rng.seed
-        (bench.ties or self.tied()).start(seed, rng.episode)
-        live = bench.arrays.live[0].tolist()
+        (memory.ties or self.tied()).start(seed, rng.episode)
+        live = memory.arrays.live[0].tolist()
         return [agent for agent, is_live in zip(self.possible_agents, live, strict=True) if is_live]
 
     def start(self, rng: Stream, options: dict[str, Any]) -> None:
         """The first state is there already."""
-        rng.draws, self._seed = int(self.bench.records["draws"][0]), rng.seed
+        rng.draws, self._seed = int(self.memory.records["draws"][0]), rng.seed
 
     def _take_stream(self) -> None:
         """Hands the rules another stream, which somebody has put in the place of the episode's."""
-        records, seed = self.bench.records, self.rng.seed
+        records, seed = self.memory.records, self.rng.seed
         records["seed"][0] = seed - 2 * SIGN if seed >= SIGN else seed
         records["draws"][0], records["block"][0] = self.rng.draws, -1
         self._seed = seed
 
-    def crossed(self) -> None:
+    def stepped(self) -> None:
         """Plays the action in the arrays, and tells the books what came of it."""
-        bench = self.bench
+        memory = self.memory
         if self.rng.seed != self._seed:
             self._take_stream()
-        found = (bench.ties or self.tied()).play()
+        found = (memory.ties or self.tied()).play()
         self.rng.draws = found >> SIGN_BITS
         if not found & SIGNS:
             return
-        agents, records, arrays = self.possible_agents, bench.records, bench.arrays
+        agents, records, arrays = self.possible_agents, memory.records, memory.arrays
         if found & JOINED:
             live, was = records["live"][0].tolist(), arrays.live[0].tolist()
             for agent, is_live, was_live in zip(agents, live, was, strict=True):
@@ -145,7 +145,7 @@ class KernelRules(Authored):
 
     def told_ends(self, endings: list[int]) -> None:
         """Tells the books who ended, and why."""
-        arrays, agents = self.bench.arrays, self.possible_agents
+        arrays, agents = self.memory.arrays, self.possible_agents
         for flags, end, unnamed in (
             (arrays.terminated, self.terminate, "terminated"),
             (arrays.truncated, self.truncate, "truncated"),
@@ -165,19 +165,19 @@ class KernelRules(Authored):
 
     def observe(self, agent: Any) -> Any:
         """Observation of an agent now."""
-        return (self.bench.ties or self.tied()).seen[agent]()
+        return (self.memory.ties or self.tied()).seen[agent]()
 
     def info(self, agent: Any) -> dict[str, Any]:
         """Info of an agent by the rules."""
-        told: dict[str, Any] = (self.bench.ties or self.tied()).told[agent]()
+        told: dict[str, Any] = (self.memory.ties or self.tied()).told[agent]()
         return told
 
     def state(self) -> Any:
         """The whole state, as the kernel's `overview` gives it."""
         if self.kernel.state_space is None:
             return super().state()  # type: ignore[misc]  # TickEnv and TurnEnv have it
-        (self.bench.ties or self.tied()).overview()
-        return self.bench.arrays.state[0].copy()
+        (self.memory.ties or self.tied()).overview()
+        return self.memory.arrays.state[0].copy()
 
     def render(self) -> Any:
         """Returns None: a kernel has no picture of its own."""
@@ -188,7 +188,7 @@ class Masks:
 
     def mask(self, agent: Any) -> Any:
         """Mask of an agent's actions, 0 or 1 each."""
-        row = (self.bench.ties or self.tied()).masks[agent]()  # type: ignore[attr-defined]  # KernelRules has it
+        row = (self.memory.ties or self.tied()).masks[agent]()  # type: ignore[attr-defined]  # KernelRules has it
         space = self.action_spaces[agent]  # type: ignore[attr-defined]  # likewise
         if not isinstance(space, spaces.MultiDiscrete):
             return row
@@ -207,7 +207,7 @@ class KernelTicks(KernelRules, TickEnv):
 
     def tick(self, actions: dict[Any, Any]) -> None:
         """All act."""
-        ties = self.bench.ties or self.tied()
+        ties = self.memory.ties or self.tied()
         if ties.put is not None:
             for i, agent in enumerate(self.possible_agents):
                 ties.put[i] = actions.get(agent, 0)
@@ -215,7 +215,7 @@ class KernelTicks(KernelRules, TickEnv):
             for agent, action in actions.items():
                 array, i = ties.doing[agent]
                 array[0, i] = action
-        self.crossed()
+        self.stepped()
 
 
 class KernelTurns(KernelRules, TurnEnv):
@@ -223,16 +223,16 @@ class KernelTurns(KernelRules, TurnEnv):
 
     def first_agent(self) -> Any:
         """Agent of the first turn, by the rules."""
-        return self.possible_agents[int(self.bench.records["turn"][0])]
+        return self.possible_agents[int(self.memory.records["turn"][0])]
 
     def next_agent(self, agent: Any) -> Any:
         """Agent that acts next, by the rules."""
-        return self.possible_agents[int(self.bench.records["turn"][0])]
+        return self.possible_agents[int(self.memory.records["turn"][0])]
 
     def act(self, agent: Any, action: Any) -> None:
         """One acts."""
-        self.bench.arrays.actions[0] = action
-        self.crossed()
+        self.memory.arrays.actions[0] = action
+        self.stepped()
 
 
 class MaskedTicks(Masks, KernelTicks):
@@ -283,7 +283,7 @@ class CopyArrays:
         return CopyArrays(self.records.copy(), _copied(self.arrays._replace(raw=None)))
 
     def take(self, other: CopyArrays | bytes) -> None:
-        """Becomes what another bench of the same kernel is, in its own memory."""
+        """Becomes what another memory of the same kernel is, in its own memory."""
         if isinstance(other, bytes):
             first = 0
             for mine in leaves(self.arrays):
@@ -296,7 +296,7 @@ class CopyArrays:
 
 
 def copy_arrays_of(kernel: Kernel) -> CopyArrays:
-    """A bench before its first episode."""
+    """A memory before its first episode."""
     records = kernel.records(1)
     return CopyArrays(records, arrays_of(kernel, records))
 
@@ -321,13 +321,13 @@ class Ties:
     __slots__ = ("doing", "masks", "overview", "play", "put", "seen", "start", "told")
 
     def __init__(
-        self, kernel: Kernel, single: Single, tables: NDArray[Any], bench: CopyArrays
+        self, kernel: Kernel, single: Single, tables: NDArray[Any], memory: CopyArrays
     ) -> None:
         """Looks all of it up."""
-        given = single.given(bench.records, tables, bench.arrays)
+        given = single.given(memory.records, tables, memory.arrays)
         self.start, self.play = partial(single.start, *given), partial(single.play, *given)
         self.overview = partial(single.overview, *given)
-        is_aec, a = kernel.api == "aec", bench.arrays
+        is_aec, a = kernel.api == "aec", memory.arrays
         obs, masks, infos = (
             (a.final, a.final_masks, a.final_infos) if is_aec else (a.obs, a.masks, a.infos)
         )

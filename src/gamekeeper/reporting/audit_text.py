@@ -104,7 +104,7 @@ def _row_lines(rows: Sequence[Row], width: int) -> list[str]:
 def _minor(verdict: Document) -> Row:
     """A cause of low severity in one line."""
     first = (verdict["findings"] or [{}])[0]
-    return verdict["id"], _short(f"{_broken(verdict)} Actual: {first.get('actual', '')}")
+    return verdict["id"], _short(f"{broken_rule(verdict)} Actual: {first.get('actual', '')}")
 
 
 def _consequence(verdict: Document) -> Row:
@@ -112,7 +112,7 @@ def _consequence(verdict: Document) -> Row:
     cause = verdict["follows_from"]
     held = cause["held_still"]
     why = f"it passes with {held}" if held else "the same exception"
-    text = f"{_broken(verdict)} Follows from {cause['id']}: {why}."
+    text = f"{broken_rule(verdict)} Follows from {cause['id']}: {why}."
     return verdict["id"], _short(text)
 
 
@@ -125,7 +125,7 @@ def rows_text(verdicts: Sequence[Document], run: str, *, width: int) -> str:
         width: columns that no line exceeds, as far as words allow.
     """
     rows = [
-        (each["id"], _short(f"{_broken(each)} First at {each['findings'][0]['where']}."))
+        (each["id"], _short(f"{broken_rule(each)} First broken at {each['findings'][0]['where']}."))
         for each in verdicts
     ]
     rows.append(("", f"(gamekeeper audit {run} says more)"))
@@ -161,7 +161,7 @@ def suspected_text(audit: Document, *, width: int) -> str:
     for each in verdicts_of(audit, "suspected"):
         first = (each["findings"] or [{}])[0]
         seen = f" At {first['where']}: {first['actual']}." if first else ""
-        text = f"Rule perhaps broken: {each['claim']}{seen} Not confirmed: {each['reason']}."
+        text = f"{broken_rule(each)}{seen} Not confirmed: {each['reason']}."
         rows.append((each["id"], _short(text)))
     return _section("Suspected (seen once, not shown again)", rows, width)
 
@@ -177,17 +177,18 @@ def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
 def _brief(verdict: Document) -> str:
     """The broken rule, and of a consequence its cause."""
     cause = verdict["follows_from"]
-    return _broken(verdict) + (f" Follows from {cause['id']}." if cause else "")
+    return broken_rule(verdict) + (f" Follows from {cause['id']}." if cause else "")
 
 
-def _broken(verdict: Document) -> str:
-    return f"Rule broken: {verdict['claim']}"
+def broken_rule(verdict: Document) -> str:
+    """The rule of a failed check, worded as what should hold: `Should hold: No agent ...`."""
+    return f"Should hold: {verdict.get('claim', '')}"
 
 
 def _finding(verdict: Document, width: int) -> str:
     """One failed check: the broken rule, the first place in full, the others named."""
     start = f"{INDENT}{verdict['id']}  "
-    rule = wrapped(one_line(_broken(verdict)), width, first=start, rest=" " * len(start))
+    rule = wrapped(one_line(broken_rule(verdict)), width, first=start, rest=" " * len(start))
     first, *others = verdict["findings"] or [{}]
     rows = [(name, _short(first.get(name, ""))) for name in ("where", "expected", "actual", "fix")]
     rows += [("also", _short(f"{x['where']}: actual {x['actual']}")) for x in others]
@@ -232,7 +233,7 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
         width: columns that no line exceeds, as far as words allow.
     """
     rows = [
-        (x["id"], f"{_short(_broken(x))} Waived: {_short(x['reason'])}")
+        (x["id"], f"{_short(broken_rule(x))} Waived: {_short(x['reason'])}")
         for x in verdicts_of(audit, "waived")
     ]
     rows += [(x["id"], _short(x["reason"])) for x in verdicts_of(audit, "passed") if x["reason"]]

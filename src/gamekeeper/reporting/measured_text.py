@@ -18,7 +18,7 @@ Document = Mapping[str, Any]
 INDENT: Final = "  "
 APART: Final = (
     *("influence", "looked_ahead", "advice", "because", "why", "errors", "not_measured"),
-    "order_ticks",
+    *("order_ticks", "near_limits"),
 )
 """Keys of `measured` that aren't rows of the table."""
 DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
@@ -141,6 +141,9 @@ def _value(key: str, value: Any, measured: Document) -> str:
     if key == "order_sensitive":
         text, ticks = ORDER_MATTERS.get(str(value), ""), measured.get("order_ticks")
         return f"{text} in {ticks:,} ticks" if value == "none" and ticks else text
+    if key == "horizon" and measured.get("near_limits"):
+        near = ", ".join(f"{name} is {limit}" for name, limit in measured["near_limits"].items())
+        return f"{value}, though {near}"
     if key in ("may_join", "may_leave") and value == []:
         return "no agent came later" if key == "may_join" else "no agent left without an end"
     if key == "stages" and value:
@@ -255,9 +258,11 @@ def _lengths(value: Document) -> str:
     counted = {key: any(each.get(key) for each in by_agent) for key in FLAGS.values()}
     beside = {kind: "" if counted[key] or not by_agent else BESIDE for kind, key in FLAGS.items()}
     kinds = [f"{end['kind']} of {_owner(end['owner'])}{beside[end['kind']]}" for end in told]
-    missed = set(FLAGS) - {end["kind"] for end in told} if told else ()
+    both = value.get("both") or 0
+    missed = set(FLAGS) - {end["kind"] for end in told} if told and not both else ()
     kinds += [f"{kind} (owner not measured)" for kind in sorted(missed) if counted[FLAGS[kind]]]
     text = ": ".join(filter(None, [", ".join(kinds), text]))
+    text += f", {both} of them terminated and truncated at once" if both else ""
     ticks = value.get("ticks")
     if not isinstance(ticks, Mapping):
         return text

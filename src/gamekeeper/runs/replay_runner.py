@@ -284,7 +284,7 @@ class ReplayRunner:
         replay_trace(
             trace,
             self.capture,
-            agents={each.name: agent for agent, each in self._sink.layout.seats.items()},
+            agents={each.name: agent for agent, each in self._sink.layout.agents.items()},
             types=self._evidence.manifest.get("action_types"),
             cast=chooser,
             run_seed=self._evidence.manifest.get("seed"),

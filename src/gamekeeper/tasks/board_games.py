@@ -134,7 +134,7 @@ class BoardGame(Pictured, MaskedTurns):
 
     def board(self) -> NDArray[np.int8]:
         """Marks by row and column: 0 free, 1 the first player's, 2 the second's."""
-        return np.asarray(self.bench.records["board"][0].reshape(self.state_space.shape))
+        return np.asarray(self.memory.records["board"][0].reshape(self.state_space.shape))
 
     def letters(self) -> str:
         """Board in letters: `X` the first player's marks, `O` the second's."""

@@ -179,7 +179,7 @@ class TwoRobotLine(Pictured, DisturbedTicks):
 
     def whereabouts(self) -> list[int]:
         """The robots' cells."""
-        return list(map(int, self.bench.records["cells"][0]))
+        return list(map(int, self.memory.records["cells"][0]))
 
     def held_out(self, rng: Stream) -> NDArray[Any]:
         """A line on which the robots start in any two cells that differ."""

@@ -54,7 +54,7 @@ class KernelColumns:
     ) -> None:
         self._buffer, self._kernel, self._layout = buffer, buffer.kernel, layout
         self._terms, self._volatile = terms, volatile
-        self._seats = [layout.seats[agent] for agent in self._kernel.agents]
+        self._columns = [layout.agents[agent] for agent in self._kernel.agents]
 
     def taken(self, *, options: str | None, is_last: bool) -> Columns:
         """All that the buffer holds, sorted by episode.
@@ -166,7 +166,7 @@ class KernelColumns:
         return block, plain
 
     def _names(self) -> tuple[str, ...]:
-        return tuple(seat.name for seat in self._seats)
+        return tuple(columns.name for columns in self._columns)
 
     def _paid(self, rows: NDArray[Any]) -> dict[str, Raw]:
         found = {}
@@ -183,8 +183,8 @@ class KernelColumns:
         values: dict[str, tuple[Column, Cells]] = {}
         for kind, flag in (("obs", "given"), ("action", "acted")):
             for g, group in enumerate(self._kernel.groups):
-                seat = self._seats[group.first]
-                side = seat.observation if kind == "obs" else seat.action
+                columns = self._columns[group.first]
+                side = columns.observation if kind == "obs" else columns.action
                 assert side is not None  # kernels declare their spaces
                 mine = self._of_group(rows, g)
                 own = rows if mine is None else rows[mine]

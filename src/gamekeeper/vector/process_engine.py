@@ -286,14 +286,14 @@ def block_task(
     copies = SubEnvs.from_json(envs)
     opened = open_env(copies.spec, **copies.kwargs)
     assert opened.make is not None
-    doors = [slim(opened.env)]
+    stepped = [slim(opened.env)]
     for _ in range(last - first - 1):
-        doors.append(slim(opened.make()))
+        stepped.append(slim(opened.make()))
         report()
     out = opened.env.reset(seed=0)
     infos = out[1] if opened.api == "parallel" else opened.env.infos
     block = block_of(
-        doors,
+        stepped,
         arrays,
         form_of(opened.env, opened.api, copies.contract, infos),
         first=first,

@@ -15,28 +15,28 @@ from gamekeeper.vector.vector_form import VectorForm, arrays_in, own_memory
 from gamekeeper.vector.vector_rows import Batches, Recording
 
 
-def block_of(doors: Sequence[Any], arrays: Any, form: VectorForm, **options: Any) -> SubEnvBlock:
+def block_of(envs: Sequence[Any], arrays: Any, form: VectorForm, **options: Any) -> SubEnvBlock:
     """The block for the form's API."""
     kind = TurnBlock if form.api == "aec" else TickBlock
-    return kind(doors, arrays, form, **options)
+    return kind(envs, arrays, form, **options)
 
 
 class SerialEngine:
     """Steps all copies here."""
 
     def __init__(
-        self, doors: Sequence[Any], form: VectorForm, *, autoreset: Autoreset, wants_infos: bool
+        self, envs: Sequence[Any], form: VectorForm, *, autoreset: Autoreset, wants_infos: bool
     ) -> None:
         """Takes hold of the copies."""
-        plan = form.plan(len(doors))
+        plan = form.plan(len(envs))
         self.arrays = arrays_in(own_memory(plan), plan)
         self.failed: Mapping[int, str] = {}
         self._block = block_of(
-            doors,
+            envs,
             self.arrays,
             form,
             first=0,
-            slots=len(doors),
+            slots=len(envs),
             autoreset=autoreset,
             wants_infos=wants_infos,
         )

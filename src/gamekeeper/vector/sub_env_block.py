@@ -42,7 +42,7 @@ class SubEnvBlock:
 
     def __init__(
         self,
-        doors: Sequence[Any],
+        envs: Sequence[Any],
         arrays: Arrays,
         form: VectorForm,
         *,
@@ -55,17 +55,17 @@ class SubEnvBlock:
         """Takes hold of the copies; nothing is called yet.
 
         Args:
-            doors: an environment, or a game around one, for each slot of this block.
+            envs: an environment, or a capture of one, for each slot of this block.
             arrays: of these slots alone, by the names of `VectorForm.plan`.
             first: number of the first slot.
             slots: number of all slots of the run, N.
             wants_infos: hand out what agents are told at every step.
             after_env: called after each copy, as a sign of life.
         """
-        self.doors, self.form, self.autoreset = list(doors), form, autoreset
+        self.envs, self.form, self.autoreset = list(envs), form, autoreset
         self._arrays, self._wants_infos = arrays, wants_infos
         self._first, self._slots, self._seeds = first, slots, EpisodeSeeds(0)
-        self._episodes = [0] * len(self.doors)
+        self._episodes = [0] * len(self.envs)
         self._options: Any = None
         self._shelf: RowShelf | None = None
         self._after_env = after_env or _nothing
@@ -84,7 +84,7 @@ class SubEnvBlock:
         said = Said()
         for name in ("rewards", "terminated", "truncated", "over", "ended"):
             self._arrays[name][...] = 0
-        for e in range(len(self.doors)):
+        for e in range(len(self.envs)):
             self._episodes[e] = self._first + e
             self._begin(e, said)
         self._pour()
@@ -93,15 +93,15 @@ class SubEnvBlock:
     def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
         """Every copy's rows go to `out` from its next episode on."""
         self._shelf = recording.shelf(out)
-        envs = [bare(door) for door in self.doors]
-        self.doors = [capture_of(env, sink=SlotSink(self._shelf)) for env in envs]
+        envs = [bare(env) for env in self.envs]
+        self.envs = [capture_of(env, sink=SlotSink(self._shelf)) for env in envs]
 
     def end_recording(self) -> None:
         """Ends the episodes in progress, as *cut*; what is on the shelf goes out."""
         if self._shelf is not None:
             with HeldInterrupt():
-                for door in self.doors:
-                    door.end_episode()
+                for env in self.envs:
+                    env.end_episode()
                 self._shelf.flush()
 
     def step(self) -> Said:
@@ -115,25 +115,25 @@ class SubEnvBlock:
     def _pour(self) -> None:
         """Puts what was collected copy by copy into the arrays."""
 
-    def _reset_door(self, e: int) -> Any:
+    def _reset_env(self, e: int) -> Any:
         self._arrays["cursor"][0] = e
         self._arrays["episode"][e] = self._episodes[e]
         if self._shelf is not None:
-            self.doors[e].episode = self._episodes[e] - 1  # its reset begins the next one
+            self.envs[e].episode = self._episodes[e] - 1  # its reset begins the next one
         seed = self._seeds[self._episodes[e]]
         if self._options is None:  # as who hands none over calls it
-            return self.doors[e].reset(seed=seed)
-        return self.doors[e].reset(seed=seed, options=self._options)
+            return self.envs[e].reset(seed=seed)
+        return self.envs[e].reset(seed=seed, options=self._options)
 
     def close(self) -> None:
         """Closes every copy."""
-        for door in self.doors:
-            door.close()
+        for env in self.envs:
+            env.close()
 
 
-def bare(door: Any) -> Any:
-    """The environment itself, without the game around it."""
-    return door.env if isinstance(door, Capture) else door
+def bare(env: Any) -> Any:
+    """The environment itself, without a capture around it."""
+    return env.env if isinstance(env, Capture) else env
 
 
 def put_mask(flags: Any, mask: Any) -> None:

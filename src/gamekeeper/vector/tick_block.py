@@ -27,15 +27,15 @@ class TickBlock(SubEnvBlock):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         """See `SubEnvBlock`."""
         super().__init__(*arguments, **options)
-        self._envs = [bare(door) for door in self.doors]
+        self._bare = [bare(env) for env in self.envs]
         self._pick = _picker(self._agents)
         groups = self.form.groups
         self._blanks = {agent: _blank(group) for group in groups for agent in group.agents}
         self._masked = [agent for group in groups if group.flags for agent in group.agents]
         nothing = tuple(self._blanks.values())
-        self._seen: list[Row] = [nothing] * len(self.doors)
-        self._legal: list[Row] = [(None,) * len(self._masked)] * len(self.doors)
-        self._is_whole = [False] * len(self.doors)
+        self._seen: list[Row] = [nothing] * len(self.envs)
+        self._legal: list[Row] = [(None,) * len(self._masked)] * len(self.envs)
+        self._is_whole = [False] * len(self.envs)
 
     def step(self) -> Said:
         """One tick of every copy; a copy that is over begins anew, when `autoreset` says so."""
@@ -46,7 +46,7 @@ class TickBlock(SubEnvBlock):
         for name in ("terminated", "truncated", "ended"):
             arrays[name][...] = False
         cursor, agents, pick = arrays["cursor"], self._agents, self._pick
-        for e, env in enumerate(self._envs):
+        for e, env in enumerate(self._bare):
             cursor[0] = e
             if fresh[e]:  # next_step: this step resets, and no action is taken
                 paid += [0.0] * count
@@ -57,7 +57,7 @@ class TickBlock(SubEnvBlock):
                 acted = dict(zip(agents, actions[e], strict=True))
             else:
                 acted = {agent: actions[e][self._column[agent]] for agent in live}
-            out = self.doors[e].step(acted)
+            out = self.envs[e].step(acted)
             try:
                 paid += pick(out[1])
             except KeyError:  # not everybody is there
@@ -69,8 +69,8 @@ class TickBlock(SubEnvBlock):
         return said
 
     def _begin(self, e: int, said: Said) -> None:
-        observations, infos = self._reset_door(e)
-        self._show(e, observations, infos, self._envs[e].agents)
+        observations, infos = self._reset_env(e)
+        self._show(e, observations, infos, self._bare[e].agents)
         if self._wants_infos:
             said.infos[e] = infos
 

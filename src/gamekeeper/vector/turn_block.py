@@ -23,9 +23,9 @@ class TurnBlock(SubEnvBlock):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         """See `SubEnvBlock`."""
         super().__init__(*arguments, **options)
-        self._envs = [bare(door) for door in self.doors]
-        self._told: list[dict[AgentId, Any]] = [{} for _ in self.doors]  # infos of who ended
-        self._ended: list[set[tuple[str, AgentId]]] = [set() for _ in self.doors]
+        self._bare = [bare(env) for env in self.envs]
+        self._told: list[dict[AgentId, Any]] = [{} for _ in self.envs]  # infos of who ended
+        self._ended: list[set[tuple[str, AgentId]]] = [set() for _ in self.envs]
         self._leaves = [
             [(getter(leaf.path), i) for i, leaf in enumerate(group.observed)]
             for group in self.form.groups
@@ -34,7 +34,7 @@ class TurnBlock(SubEnvBlock):
         self._givens = [name for name in self._arrays if name.startswith(("obs.", "mask."))]
 
     def _begin(self, e: int, said: Said) -> None:
-        self._reset_door(e)
+        self._reset_env(e)
         self._told[e], self._ended[e] = {}, set()
         self._arrays["live"][e] = False
         self._find_live(e, said)
@@ -47,7 +47,7 @@ class TurnBlock(SubEnvBlock):
             arrays[name][...] = 0
         fresh, turns = arrays["over"].tolist(), arrays["turn"].tolist()
         actions = [read() for read in self._actions]
-        for e in range(len(self.doors)):
+        for e in range(len(self.envs)):
             arrays["cursor"][0] = e
             if fresh[e]:
                 arrays["over"][e] = False
@@ -55,7 +55,7 @@ class TurnBlock(SubEnvBlock):
                 self._begin(e, said)
                 continue
             row = actions[self._group_of[turns[e]]][e]
-            self.doors[e].step(row)
+            self.envs[e].step(row)
             paid: dict[AgentId, float] = {}
             self._note(e, paid)
             self._turn_of_the_living(e, said, paid)
@@ -66,7 +66,7 @@ class TurnBlock(SubEnvBlock):
 
     def _note(self, e: int, paid: dict[AgentId, float]) -> None:
         """Notes rewards and endings of the last step."""
-        env = self._envs[e]
+        env = self._bare[e]
         if any(env.rewards.values()):
             for agent, reward in env.rewards.items():
                 if reward:
@@ -82,10 +82,10 @@ class TurnBlock(SubEnvBlock):
 
     def _turn_of_the_living(self, e: int, said: Said, paid: dict[AgentId, float]) -> None:
         """Makes the None turns of the dead, then shows what the agent in turn is given."""
-        env, door = self._envs[e], self.doors[e]
+        env, recorded = self._bare[e], self.envs[e]
         while env.agents:
             agent = env.agent_selection
-            observation, _, terminated, truncated, info = door.last()
+            observation, _, terminated, truncated, info = recorded.last()
             if not (terminated or truncated):
                 if self._ended[e]:
                     self._tell_the_late(e, said)
@@ -93,13 +93,13 @@ class TurnBlock(SubEnvBlock):
                 self._show(e, agent, observation, info, said)
                 return
             self._tell(e, agent, observation, info, said)
-            door.step(None)
+            recorded.step(None)
             self._note(e, paid)
         self._over(e, said)
 
     def _tell_the_late(self, e: int, said: Said) -> None:
         """Last observations of agents that have ended and whose last turn comes after others'."""
-        env = self._envs[e]
+        env = self._bare[e]
         for agent in env.agents:
             if env.terminations.get(agent) or env.truncations.get(agent):
                 self._tell(e, agent, env.observe(agent), env.infos.get(agent, {}), said)
@@ -122,7 +122,7 @@ class TurnBlock(SubEnvBlock):
             self._arrays[name][e] = 0
 
     def _find_live(self, e: int, said: Said) -> None:
-        env, row = self._envs[e], self._arrays["live"][e]
+        env, row = self._bare[e], self._arrays["live"][e]
         if len(env.agents) == self._count and not self._ended[e]:
             row[...] = True
             return

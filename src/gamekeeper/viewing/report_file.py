@@ -19,6 +19,7 @@ from gamekeeper.diagnosis.labels import labels
 from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
+from gamekeeper.reporting.audit_text import broken_rule
 from gamekeeper.reporting.page.answers import answers_of, not_asked
 from gamekeeper.reporting.page.composition import (
     Documents,
@@ -289,8 +290,8 @@ def _row_alerts(run: ShownRun, audit: Mapping[str, Any] | None) -> Iterator[str]
     told = {each["id"] for each in (audit or {}).get("verdicts", ()) if each["outcome"] == "failed"}
     for each in failed_rows(run.evidence):
         if each.id not in told:
-            where = f" First at {each.findings[0].where}." if each.findings else ""
-            yield f"The recorded rows break {each.id}: “{each.claim}”{where}"
+            where = f" First broken at {each.findings[0].where}." if each.findings else ""
+            yield f"The recorded rows break {each.id}. {broken_rule(each.to_json())}{where}"
 
 
 def _in_order(

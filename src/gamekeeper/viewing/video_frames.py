@@ -171,7 +171,7 @@ def _played(
             replay_trace(
                 trace,
                 capture,
-                agents={seat.name: agent for agent, seat in sink.layout.seats.items()},
+                agents={each.name: agent for agent, each in sink.layout.agents.items()},
                 types=evidence.manifest.get("action_types"),
                 after_turn=report,
             )

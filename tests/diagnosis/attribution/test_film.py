@@ -21,7 +21,7 @@ from gamekeeper.episodes.outcome import outcome_of
 TASKS = ["two_robot_line", "warehouse_turns", "speaker_listener", "warehouse"]
 
 
-def _bench(name, policies="random"):
+def _runner(name, policies="random"):
     evidence = gk.rollout(name, policies=policies, episodes=2, seed=4)
     task = ReplacementTask(setup_of(evidence), evidence.contract, (), (), {}, 0, 9)
     return evidence, ReplacementRunner(task)
@@ -30,11 +30,11 @@ def _bench(name, policies="random"):
 @pytest.mark.parametrize("name", TASKS)
 def test_paper_comes_out_as_recorded(name) -> None:
     """Every agent's k-th decision, done again, gives the recorded returns, twice."""
-    evidence, bench = _bench(name)
-    with bench:
+    evidence, runner = _runner(name)
+    with runner:
         for trace in evidence.episodes:
-            paper = paper_from_json(paper_to_json(bench.paper_of(trace)))
-            one, two = (bench.from_paper(paper, sees=True) for _ in range(2))
+            paper = paper_from_json(paper_to_json(runner.paper_of(trace)))
+            one, two = (runner.from_paper(paper, sees=True) for _ in range(2))
             assert outcome_of(trace).team_return == pytest.approx(one.team_return())
             assert (one.left_paper, first_difference(one, two)) == (0, None)
 
@@ -42,10 +42,10 @@ def test_paper_comes_out_as_recorded(name) -> None:
 @pytest.mark.parametrize("name", ["warehouse", "warehouse_turns"])
 def test_frozen_action_that_is_illegal_becomes_a_noop(name) -> None:
     """Where a frozen action isn't legal any more, nothing is done in its place."""
-    evidence, bench = _bench(name)
-    with bench:
-        paper = bench.paper_of(evidence.episodes[0])
-        changed = bench.from_paper(paper, Swap("picker_0", None, "noop"))
+    evidence, runner = _runner(name)
+    with runner:
+        paper = runner.paper_of(evidence.episodes[0])
+        changed = runner.from_paper(paper, Swap("picker_0", None, "noop"))
     assert {int(action) for action in changed.actions["picker_0"]} == {4}
     own = [
         (int(a), int(b))
@@ -70,9 +70,9 @@ def test_other_action_of_a_huge_space_is_drawn_without_a_list() -> None:
 
 def test_other_action_is_legal_and_another() -> None:
     """What takes an action's place is drawn from the legal ones but itself."""
-    _, bench = _bench("warehouse")
-    with bench:
-        chooser = Chooser("picker_0", bench.env, bench.contract)
+    _, runner = _runner("warehouse")
+    with runner:
+        chooser = Chooser("picker_0", runner.env, runner.contract)
         rng = np.random.default_rng(0)
         info = {"action_mask": np.array([1, 0, 0, 0, 1, 0], np.int8)}
         assert {int(chooser.other(4, None, info, rng)) for _ in range(8)} == {0}
@@ -83,10 +83,10 @@ def test_other_action_is_legal_and_another() -> None:
 
 def test_first_legal_action_stands_in_where_there_is_no_noop() -> None:
     """Without a noop the lowest legal action is taken."""
-    _, bench = _bench("tictactoe")
-    with bench:
-        bench.env.reset(seed=0)
-        chooser = Chooser(bench.env.possible_agents[0], bench.env, gk.Contract())
+    _, runner = _runner("tictactoe")
+    with runner:
+        runner.env.reset(seed=0)
+        chooser = Chooser(runner.env.possible_agents[0], runner.env, gk.Contract())
         mask = np.array([0, 0, 1, 1, 0, 0, 0, 0, 0], np.int8)
         assert int(chooser.nothing({"action_mask": mask}, {})) == 2
 

@@ -364,7 +364,7 @@ def test_causes_are_counted_apart_from_what_follows() -> None:
     told = {"verdicts": [cause, cause | {"id": "GK402"} | follows]}
     found = {each.question: each for each in answers_of(run, Documents(audit=told))}
     assert found["Findings"].word == "1 cause, 1 follows from it"
-    assert found["Findings"].lines == ("GK106  Rule broken: It stays.",)
+    assert found["Findings"].lines == ("GK106  Should hold: It stays.",)
     assert (found["Otherwise"].word, found["Otherwise"].badge) == ("tested", "tested")
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gamekeeper.checks.timing.joint_order import ORDERS
+from gamekeeper.checks.timing.turn_order import ORDERS
 from gamekeeper.rollouts.interventions.action_substitutes import InUnison, ReplacedAction
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder, reordered
 

@@ -351,7 +351,7 @@ def _play(dataset: Any, script: Script, sink: Any) -> None:
     buffer.lock = Lock()  # a recorder's thread cuts the buffer
     codecs = {name: tuple(map(Codec, pair)) for name, pair in script.spaces.items()}
     layout.announce(list(codecs), codecs.__getitem__)
-    agents = [layout.seats[name] for name in codecs]
+    agents = [layout.agents[name] for name in codecs]
     packs = {
         agent.name: (agent.index, observation_packer(agent.observation, sink), action_packer(agent))
         for agent in agents

@@ -164,7 +164,7 @@ class Copies:
         if self._is_kernel:
             declared: Any = self._of_kernel._kernel.state_space
         else:
-            env = bare(self._serial._block.doors[0])
+            env = bare(self._serial._block.envs[0])
             declared = getattr(env, "state_space", getattr(env.unwrapped, "state_space", None))
         if isinstance(declared, spaces.Space) or not is_asked:
             return declared if isinstance(declared, spaces.Box) else None
@@ -184,7 +184,7 @@ class Copies:
                 raise SpecError("the kernel has no state()", where="state", fix="state=False")
             return np.array(self._of_kernel._batch.overview())
         try:
-            return np.stack([np.asarray(bare(door).state()) for door in self._serial._block.doors])
+            return np.stack([np.asarray(bare(env).state()) for env in self._serial._block.envs])
         except (NotImplementedError, AttributeError) as error:
             raise SpecError(
                 "the environment has no state()",

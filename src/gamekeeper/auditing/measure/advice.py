@@ -97,8 +97,8 @@ def _of_aec(signs: RoundSigns) -> FormAdvice | None:
 def _of_parallel(signs: RoundSigns) -> FormAdvice | None:
     if signs.dictionary == "outcome":
         text = (
-            "the order of the action dictionary decides the outcome; in turns the order is part of "
-            "the game"
+            "as it is, the order of the action dictionary decides the outcome; in turns an order "
+            "is part of the game, and once a rule without an order settles it, Parallel fits"
         )
         return FormAdvice("aec", ("reward",), text)
     if signs.priority == "roster":

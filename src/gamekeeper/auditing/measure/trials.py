@@ -88,10 +88,13 @@ def influence(trials: Trials) -> list[dict[str, Any]]:
     """The share of replaced moves that changed something, by pair, place and lag in rounds."""
     looks: Counter[tuple[str, str, str, int]] = Counter()
     hits: Counter[tuple[str, str, str, int]] = Counter()
-    for trial, look in _all(trials):
-        key = trial.agent, look.target, str(look.on), look.lag
-        looks[key] += 1
-        hits[key] += look.is_changed
+    for fact in trials:
+        seen: dict[tuple[str, str, str, int], bool] = {}  # a round of turns has several looks
+        for trial, look in _all([fact]):
+            key = trial.agent, look.target, str(look.on), look.lag
+            seen[key] = seen.get(key, False) or look.is_changed
+        looks.update(seen.keys())
+        hits.update(seen)
     listed = {key: count for key, count in looks.items() if hits[key] or key[3] <= NEAR}
     return influence_rows(listed, hits)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from numbers import Real
 from typing import Any, Final
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import cut
 from gamekeeper.checks.facts.aec_book_facts import LastRewards, MarkedReward, OwedAfterReset
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 
@@ -25,12 +25,7 @@ NEAR: Final = 1e-3
 """Tolerance, as a part of the mark: accounts may be of float16."""
 
 
-def _books_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """A few, of some length each."""
-    yield from lab.plays(PLAYS, runs=RUNS)
-
-
-@probe("books", share=1.5, plays=_books_plays, api="aec")
+@probe("books", share=1.5, plays=lambda lab: lab.plays(PLAYS, runs=RUNS), api="aec")
 def books(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Books of an AEC environment: `last()` itself, what stands in `rewards`, resets.
 
@@ -87,7 +82,7 @@ def _marks(
 
     if not places:
         return
-    lab.play(_cut(played.play, places[-1] + 1), env, watch=watch, state=False)
+    lab.play(cut(played.play, places[-1] + 1), env, watch=watch, state=False)
     for turn in sorted(after.keys() & marked.keys()):
         for agent, mark in marked[turn].items():
             plain = paid[turn + 1] if turn + 1 < len(paid) else {}
@@ -106,7 +101,7 @@ def _owed(
     if not places:
         return
     turn = places[-1]
-    lab.play(_cut(played.play, turn), env, state=False)
+    lab.play(cut(played.play, turn), env, state=False)
     reset = lab.call("reset", env.reset, seed=played.play.seed)
     lab.meter.count()
     if reset.failed is None:
@@ -116,10 +111,6 @@ def _owed(
             cumulative=_book(lab, env, "_cumulative_rewards"),
         )
         yield lab.fact(books, turn=turn, field="cumulative_reward")
-
-
-def _cut(play: EpisodePlan, turns: int) -> EpisodePlan:
-    return replace(play, actions=(play.actions or ())[:turns], most_turns=max(turns, 1))
 
 
 def _last(lab: ProbeSession, env: Any) -> float | None:

@@ -37,12 +37,7 @@ Told = list[tuple[str, Any, Any]]
 """By and by what was given: what it is, whose, a snapshot."""
 
 
-def _copies_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One play, some eight times over; copies are made in its midst."""
-    return lab.plays(1, runs=8, most_turns=60)
-
-
-@probe("copies", share=0.8, plays=_copies_plays)
+@probe("copies", share=0.8, plays=lambda lab: lab.plays(1, runs=8, most_turns=60))
 def copies(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Copies of an environment in mid-play go on beside the original, with the same actions.
 
@@ -186,7 +181,7 @@ def _step(lab: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
             return [("raises", None, f"{last.failed.kind}: {last.failed.text}")]
         agent = getattr(env, "agent_selection", None)
         gave.append(("last()", agent, _quiet(last.value, contract)))
-    done = lab.step(env, actions if lab.api == "parallel" else next(iter(actions.values()), None))
+    done = lab.step(env, lab.handed(actions))
     if done.failed is not None:
         return [("raises", None, f"{done.failed.kind}: {done.failed.text}")]
     if lab.api == "aec":

@@ -92,8 +92,7 @@ def _long_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     count = 2 if lab.ration >= TWO_PLAYS else 1
     turns = min(max(lab.ration // (2 * count), LEAST_TURNS), MOST_TURNS)
     turns = affordable(lab, turns, MOST_BYTES)
-    for k in range(count):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of([turns] * count)
 
 
 @probe("long", share=1.5, plays=_long_plays)
@@ -121,7 +120,7 @@ def long(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             if not live:
                 break
             lab.meter.count()
-            given = actions if lab.api == "parallel" else next(iter(actions.values()), None)
+            given = lab.handed(actions)
             gc.collect()  # what only waits for the collector isn't kept
             size = tracemalloc.get_traced_memory()[0]
             called, work = work_of(lambda given=given: _turn(lab, env, given))  # type: ignore[misc]  # bound in this turn

@@ -26,9 +26,7 @@ MEETINGS: Final = 3
 
 def _order_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """Few long plays, and more where they end early and leave steps to spend."""
-    turns = max(lab.ration // (PLAYS * RUNS), 20)
-    for k in range(MOST_PLAYS):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of([max(lab.ration // (PLAYS * RUNS), 20)] * MOST_PLAYS)
 
 
 @probe("order", share=2.5, plays=_order_plays, api="parallel")

@@ -115,6 +115,7 @@ class _Forms:
         spots = self._spots(ahead)
         boards, settled = self._led({step for spot in spots for step in spot})
         if settled < len(self.paper.steps):
+            self._lab.unlike[:] = self._lab.unlike or [self._plan()]
             yield UnsettledMoves(settled)
         if self._can_copy and spots:
             done = self._lab.call("copies", self._copies_well, boards, settled, ahead)
@@ -134,6 +135,10 @@ class _Forms:
                 for priority in self._priorities(boards, spot[0], found):
                     is_tried = True
                     yield priority
+
+    def _plan(self) -> EpisodePlan:
+        actions = tuple(dict(step.actions or {}) for step in self.paper.steps)
+        return EpisodePlan(self._seed, self._stream, actions, max(len(actions), 1))
 
     def _chosen(self, board: Board) -> dict[Any, Any]:
         """A legal action of each agent that decides; in some episodes often the one it began with.

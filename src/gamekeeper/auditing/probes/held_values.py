@@ -33,12 +33,8 @@ NEIGHBOURS: Final = 8
 """Agents after it with whom one is compared."""
 
 
-def _kept_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Most buffers are used again soon, some only when something rare happens."""
-    return lab.plays(8, most_turns=200)
-
-
-@probe("kept", share=0.8, plays=_kept_plays)
+# most buffers are used again soon, some only when something rare happens
+@probe("kept", share=0.8, plays=lambda lab: lab.plays(8, most_turns=200))
 def kept(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Values that were handed out, looked at again later: did the environment write into them?
 
@@ -181,12 +177,7 @@ def _together(lab: ProbeSession, env: Any, out: Any) -> dict[str, Mapping[Any, A
     return {"observations": seen, "infos": infos if isinstance(infos, Mapping) else {}}
 
 
-def _handed_over_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One play, four times over."""
-    return lab.plays(1, runs=4, most_turns=200)
-
-
-@probe("handed_over", share=0.6, plays=_handed_over_plays)
+@probe("handed_over", share=0.6, plays=lambda lab: lab.plays(1, runs=4, most_turns=200))
 def handed_over(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Values that are handed over: does the environment write into them, or read them again later?
 

@@ -31,12 +31,7 @@ RARE: Final = frozenset({"low", "high", "plain", "narrow"})
 """Cases that are legal."""
 
 
-def _illegal_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Three short ones."""
-    return lab.plays(3, most_turns=MOST_TURNS)
-
-
-@probe("illegal", share=1.0, plays=_illegal_plays)
+@probe("illegal", share=1.0, plays=lambda lab: lab.plays(3, most_turns=MOST_TURNS))
 def illegal(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Illegal actions: out of the space, forbidden by the mask, missing, unknown, None, NaN.
 
@@ -105,8 +100,7 @@ def _cases(lab: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Itera
     place, agent = moves[-1]
     paper = actions[place]
     paid = turns[place].rewards.get(agent_name(agent))
-    spec = lab.agents.get(agent_name(agent))
-    space = None if spec is None else spec.action_space
+    space = lab.space_of(agent)
     strange: list[tuple[str, Any]] = [("none", None)]
     strange += [] if space is None else _outside(space)
     if space is not None and not turns[place].masks:
@@ -128,8 +122,7 @@ def _masked(lab: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Iter
     for place in reversed(range(len(actions))):
         turn = turns[place]
         for agent in actions[place]:
-            spec = lab.agents.get(agent_name(agent))
-            space = None if spec is None else spec.action_space
+            space = lab.space_of(agent)
             mask: Any = reader(lab.contract.mask_of(agent_name(agent)))(
                 turn.observations.get(agent_name(agent)), turn.infos.get(agent_name(agent))
             )
@@ -186,11 +179,11 @@ def _tried(
     if lab.call("reset", env.reset, seed=play.seed, **options).failed is not None:
         return None
     for actions in (play.actions or ())[: case.turn]:
-        if lab.step(env, _handed(lab, dict(actions))).failed is not None:
+        if lab.step(env, lab.handed(dict(actions))).failed is not None:
             return None
     with warnings.catch_warnings():  # of NaN that was handed in: no news to anybody
         warnings.simplefilter("ignore")
-        done = lab.step(env, _handed(lab, dict(case.actions)))
+        done = lab.step(env, lab.handed(dict(case.actions)))
     failed = done.failed
     return {
         "raised": None if failed is None else f"{failed.kind}: {failed.text}",
@@ -198,10 +191,6 @@ def _tried(
         "legal_reward": case.legal,
         "is_over": failed is None and _is_over(lab, env, done, case.agent),
     }
-
-
-def _handed(lab: ProbeSession, actions: dict[Any, Any]) -> Any:
-    return actions if lab.api == "parallel" else next(iter(actions.values()), None)
 
 
 def _paid(lab: ProbeSession, env: Any, done: Called, agent: Any) -> float | None:
@@ -225,12 +214,7 @@ BEYOND: Final = 10
 """Turns after somebody's end in which an action of theirs may show."""
 
 
-def _ended_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """A few, long enough for somebody to end before the others."""
-    yield from lab.plays(PLAYS, runs=3)
-
-
-@probe("ended", share=1.0, plays=_ended_plays, api="parallel")
+@probe("ended", share=1.0, plays=lambda lab: lab.plays(PLAYS, runs=3), api="parallel")
 def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Actions of agents that have ended in a Parallel environment: do they change anything?
 

@@ -20,7 +20,6 @@ from gamekeeper.checks.facts.seed_facts import (
     UnmovedGenerator,
 )
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
-from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.generator_futures import GlobalGeneratorsDisturbed
@@ -81,25 +80,16 @@ def generators(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     change = GlobalGeneratorsDisturbed()
     with held(OTHER):
         disturbed = lab.play(base.play, lab.env(), change=change)
-    unchanged_rerun, volatile = base, tuple(lab.contract.volatile_infos())
-    if compare(base.trace, disturbed.trace, volatile=volatile).divergence is not None:
-        with held():
-            unchanged_rerun = lab.play(base.play, lab.env())
-    yield ProbeCounterfactual(
-        base.trace, unchanged_rerun.trace, disturbed.trace, change.to_json(), volatile
-    )
+    is_same = lab.divergence(base.trace, disturbed.trace) is None
+    unchanged_rerun = base if is_same else lab.fresh(base.play)
+    yield lab.beside(base.trace, unchanged_rerun.trace, disturbed.trace, change.to_json())
 
 
 APART: Final = 500
 """Distance of the other instance's seed from that of the episode."""
 
 
-def _alternated_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Two, each played alone and beside another."""
-    return lab.plays(2, runs=4)
-
-
-@probe("alternated", share=1.0, plays=_alternated_plays, fresh=True)
+@probe("alternated", share=1.0, plays=lambda lab: lab.plays(2, runs=4), fresh=True)
 def alternated(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """A play beside another instance that is built, reset and stepped in turns with it.
 
@@ -108,13 +98,10 @@ def alternated(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `OtherInstance`.
     """
-    volatile = tuple(lab.contract.volatile_infos())
-    with held():
-        base = lab.play(play, lab.env())
+    base = lab.fresh(play)
     seed = (base.play.seed or 0) + APART
     turns = max(len(base.play.actions or ()), 1)
-    with held():
-        other = lab.play(EpisodePlan(seed, base.play.stream + APART, most_turns=turns), lab.env())
+    other = lab.fresh(EpisodePlan(seed, base.play.stream + APART, most_turns=turns))
     course = other.play.actions or ()
     with held():
         env = lab.env()
@@ -122,14 +109,11 @@ def alternated(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             beside = lab.env()
         counterfactual = lab.play(base.play, env, watch=_Beside(lab, beside, seed, course))
     unchanged_rerun = base
-    if compare(base.trace, counterfactual.trace, volatile=volatile).divergence is not None:
-        with held():
-            unchanged_rerun = lab.play(base.play, lab.env())
+    if lab.divergence(base.trace, counterfactual.trace) is not None:
+        unchanged_rerun = lab.fresh(base.play)
         yield lab.fact(OtherInstance(seed, course))
     change = {"change": "another instance beside"}
-    yield ProbeCounterfactual(
-        base.trace, unchanged_rerun.trace, counterfactual.trace, change, volatile
-    )
+    yield lab.beside(base.trace, unchanged_rerun.trace, counterfactual.trace, change)
 
 
 class _Beside:
@@ -170,10 +154,15 @@ def against(lab: ProbeSession) -> str | None:
 
 
 def _other_process_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One at random, and one that brings agents together."""
+    """One at random, one that brings agents together; more of the latter where these end early."""
     turns = min(max(lab.ration // 8, FEWEST_TURNS), MOST_TURNS)
-    for k in range(2):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of([turns] * (WHOLE + SINGLE))
+
+
+WHOLE: Final = 2
+"""Plays under all hash seeds that are needed to turn any two names in a set."""
+SINGLE: Final = 4
+"""Further plays, each under one of them: a set may be in use for the last ticks of an episode."""
 
 
 @probe("other_process", share=1.5, plays=_other_process_plays, against=against, tries=2)
@@ -186,22 +175,19 @@ def other_process(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `HashSeed`, `SettledElsewhere`.
     """
     is_steered = lab.api == "parallel" and play.stream > 0
-    with held():
-        base = lab.play(
-            play, lab.env(), steer=partial(meeting, lab.contract) if is_steered else None
-        )
-    for seed in hash_seeds(tuple(sorted(lab.agents))):
+    base = lab.fresh(play, steer=partial(meeting, lab.contract) if is_steered else None)
+    seeds = hash_seeds(tuple(sorted(lab.agents)))
+    for seed in seeds if play.stream < WHOLE else (seeds[play.stream % len(seeds)],):
         there = played_elsewhere(lab, base, seed)
         if there is None:
             return
-        if _parts(lab, base.trace, there) is None:
+        if lab.divergence(base.trace, there) is None:
             yield _elsewhere(lab, base.trace, base.trace, there, seed)
             continue
-        with held():
-            unchanged_rerun = lab.play(base.play, lab.env()).trace
+        unchanged_rerun = lab.fresh(base.play).trace
         yield lab.fact(HashSeed(seed))
         first = base.trace
-        if _parts(lab, first, unchanged_rerun) is not None:
+        if lab.divergence(first, unchanged_rerun) is not None:
             yield lab.fact(SettledElsewhere(_is_settled_elsewhere(lab, base, there, seed)))
         else:
             second = _second_elsewhere(lab, base, there, seed)
@@ -216,8 +202,7 @@ def _elsewhere(
     lab: ProbeSession, base: Episode, unchanged_rerun: Episode, there: Episode, hash_seed: int
 ) -> ProbeCounterfactual:
     change = {"change": "another process", "hash_seed": hash_seed}
-    volatile = tuple(lab.contract.volatile_infos())
-    return ProbeCounterfactual(base, unchanged_rerun, there, change, volatile)
+    return lab.beside(base, unchanged_rerun, there, change)
 
 
 def _second_elsewhere(
@@ -229,9 +214,9 @@ def _second_elsewhere(
     """
     again = played_elsewhere(lab, base, hash_seed)
     second = played_elsewhere(lab, base, hash_seed, instance=2)
-    if again is None or second is None or _parts(lab, there, again) is not None:
+    if again is None or second is None or lab.divergence(there, again) is not None:
         return None
-    return None if _parts(lab, there, second) is None else second
+    return None if lab.divergence(there, second) is None else second
 
 
 def _is_settled_elsewhere(
@@ -242,17 +227,11 @@ def _is_settled_elsewhere(
     A rare draw that nobody seeded leaves two plays equal by chance: as often as plays here are
     equal. So as many processes must agree as chance lets agree in one of 1,000 cases.
     """
-    alike = 0
-    for _ in range(HERE):
-        with held():
-            alike += _parts(lab, base.trace, lab.play(base.play, lab.env()).trace) is None
+    here = (lab.fresh(base.play).trace for _ in range(HERE))
+    alike = sum(lab.divergence(base.trace, each) is None for each in here)
     chance = (alike + 1) / (HERE + 2)  # Laplace's rule of succession
     needed = math.ceil(math.log(BY_CHANCE) / math.log(chance))
     if needed > MOST_PROCESSES:
         return False
     others = (played_elsewhere(lab, base, hash_seed) for _ in range(needed))
-    return all(other is not None and _parts(lab, there, other) is None for other in others)
-
-
-def _parts(lab: ProbeSession, one: Episode, two: Episode) -> Divergence | None:
-    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence
+    return all(other is not None and lab.divergence(there, other) is None for other in others)

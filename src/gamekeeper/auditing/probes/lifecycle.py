@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import cut
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.facts.lifecycle_facts import (
     Closings,
@@ -91,12 +92,13 @@ def step_argument(api: str, actions: Mapping[Any, Any]) -> str:
 
 
 def goes_on(api: str, actions: Mapping[Any, Any], *, plays: bool) -> Reproducer:
-    """A step where none should be raises, or gives nothing."""
+    """A step where none should be raises, or gives no reward, flag or turn."""
     start = "" if plays else "env = make()\n"
     if api == "parallel":
         lines = (
             f"try:\n    out = env.step({step_argument(api, actions)})\n"
-            "except Exception:\n    out = ()  # refused\nassert not any(out), out"
+            "except Exception:\n    out = ()  # refused\n"
+            "assert not any(out[1:4]), out[1:4]  # rewards, terminations, truncations"
         )
     else:
         lines = (
@@ -131,14 +133,13 @@ SHORT: Final = 3
 """Turns that are played after a reset."""
 MOST_TRIES: Final = 4
 """Turns whose actions are tried after the end: a mask may forbid those of some."""
-OUT: Final = ("observations", "rewards", "terminations", "truncations", "infos")
+LEARNED: Final = ("rewards", "terminations", "truncations")
+"""Parts of a step that a learner needs: without them it learns from no step after the end."""
 
 
 def _lifecycle_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """A long one and a shorter one."""
-    for k, part in enumerate(PARTS):
-        turns = max(int(lab.ration * part), 20)
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of(max(int(lab.ration * part), 20) for part in PARTS)
 
 
 @probe("lifecycle", share=2.0, plays=_lifecycle_plays)
@@ -194,7 +195,7 @@ def _step(lab: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Call
         return called, f"a turn, and {left} go on" if called.failed is None and left else ""
     called = lab.step(env, dict(actions))
     out = called.value if isinstance(called.value, tuple) else ()
-    gave = [name for name, part in zip(OUT, out, strict=False) if part]
+    gave = [name for name, part in zip(LEARNED, out[1:4], strict=False) if part]
     return called, ", ".join(gave)
 
 
@@ -250,7 +251,7 @@ def _dead_action(
     if not dead:
         return
     turn = dead[0]
-    lab.play(_cut(base.play, turn), env, state=False)
+    lab.play(cut(base.play, turn), env, state=False)
     agent = lab.call("agent_selection", getattr, env, "agent_selection").value
     own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
     if own and is_dead(lab, env):
@@ -331,7 +332,3 @@ def _kind(failed: FailedCall | None) -> str | None:
 
 def _words(failed: FailedCall | None) -> str | None:
     return None if failed is None else f"{failed.call}: {failed.kind}: {failed.text}"
-
-
-def _cut(play: EpisodePlan, turns: int) -> EpisodePlan:
-    return replace(play, actions=(play.actions or ())[:turns], most_turns=max(turns, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.random import Generator
 from gamekeeper.auditing.probe_session import ProbeSession
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.episode import Episode
+from gamekeeper.rollouts.episode_loop import EpisodePlan
 
 LEAST_TURNS: Final = 8
 TRIES: Final = 8
@@ -44,6 +46,12 @@ def affordable(lab: ProbeSession, turns: int, size_bytes: int = FILM_BYTES) -> i
     sizes = [_size(spec.observation_space) for spec in lab.agents.values()]
     each = max(sizes, default=0) if lab.api == "aec" else sum(sizes)
     return max(min(turns, size_bytes // max(each, 1)), LEAST_TURNS)
+
+
+def cut(play: EpisodePlan, turns: int) -> EpisodePlan:
+    """The first turns of a play whose actions are on paper."""
+    actions = (play.actions or ())[:turns]
+    return replace(play, actions=actions, most_turns=max(len(actions), 1))
 
 
 def _size(space: Any) -> int:

@@ -22,7 +22,7 @@ from gamekeeper.checks.story import (
     first_divergence_words,
     story_proof,
 )
-from gamekeeper.episodes.divergence import Divergence, compare
+from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.episode import MASK, Episode
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -34,12 +34,7 @@ SURE: Final = 3
 KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
 
 
-def _written_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones; each is played as it is, with an unchanged rerun, and written into."""
-    return lab.long_plays(4, runs=3, most_turns=200)
-
-
-@probe("written", share=0.8, plays=_written_plays)
+@probe("written", share=0.8, plays=lambda lab: lab.long_plays(4, runs=3, most_turns=200))
 def written(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Values that were handed out, written into: does the game go another way?
 
@@ -109,7 +104,7 @@ def _first_divergence(
     one, two = base.trace, other.trace
     if lab.api == "aec" and kind in ("", "infos", "masks"):
         one, two = _without_infos(one), _without_infos(two)
-    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence
+    return lab.divergence(one, two)
 
 
 def _without_infos(trace: Episode) -> Episode:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import median
 from typing import Any, Final
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import cut
 from gamekeeper.auditing.probes.replaced_actions import (
     last_acts,
     other,
@@ -105,8 +106,7 @@ def _timed(
     """The tick that decided a payment, as far as it can be told."""
     paid, enough = turn.index, abs(amount) / 2
     ahead = 1 if lab.api == "parallel" else len(lab.agents) + 1
-    cut = (base.play.actions or ())[: paid + ahead]
-    plan = replace(base.play, actions=cut, most_turns=len(cut))
+    plan = cut(base.play, paid + ahead)
     one = _replayed(lab, env, plan)
     if one is None or one.reward(paid, payee) != turn.rewards.get(payee, 0.0):
         return None

@@ -11,7 +11,6 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.checks.facts.handed_facts import OfferedCalls, RepeatedLast
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.intervention import Intervention
@@ -23,12 +22,7 @@ RESETS: Final = 12
 """Resets without a seed that must agree before one of them is compared with another play."""
 
 
-def _extra_calls_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long episodes: as they are, with an unchanged rerun, with the calls; all of it twice."""
-    return lab.long_plays(3, runs=7, most_turns=200)
-
-
-@probe("extra_calls", share=1.0, plays=_extra_calls_plays)
+@probe("extra_calls", share=1.0, plays=lambda lab: lab.long_plays(3, runs=7, most_turns=200))
 def extra_calls(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Calls that only look are made more often: does the game go another way?
 
@@ -79,16 +73,12 @@ def _resets_differ(lab: ProbeSession, play: EpisodePlan) -> bool:
 
     Where few openings are possible, two of them agree by chance: several are compared.
     """
-    volatile = tuple(lab.contract.volatile_infos())
     openings: list[Episode] = []
     for _ in range(RESETS):
         env = lab.env()
         lab.play(replace(play, actions=()), env, state=False)
         openings.append(lab.play(EpisodePlan(seed=None, actions=()), env, state=False).trace)
-    first = openings[0]
-    return any(
-        compare(first, other, volatile=volatile).divergence is not None for other in openings[1:]
-    )
+    return any(lab.divergence(openings[0], other) is not None for other in openings[1:])
 
 
 def _next(lab: ProbeSession, base: EpisodeResult, change: Intervention | None) -> Episode:
@@ -103,8 +93,7 @@ def _next_counterfactual(
 ) -> ProbeCounterfactual:
     change = ExtraCalls(kinds)
     about = {**change.to_json(), "next": len(base.play.actions or ())}
-    volatile = tuple(lab.contract.volatile_infos())
-    return ProbeCounterfactual(*beside, _next(lab, base, change), about, volatile)
+    return lab.beside(*beside, _next(lab, base, change), about)
 
 
 def _asked_twice(lab: ProbeSession, play: EpisodePlan) -> Saw:

@@ -22,7 +22,6 @@ from gamekeeper.checks.facts.play_facts import (
     UnwrittenActions,
 )
 from gamekeeper.checks.facts.state_facts import StateAnswer
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
@@ -40,9 +39,7 @@ SHORT_PLAYS: Final = 16
 
 def _rollout_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """First a few that may be long, then more while there are steps left."""
-    turns = max(lab.ration // PLAYS, 20)
-    for k in range(PLAYS + SHORT_PLAYS):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of([max(lab.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
 
 
 @probe("rollout", share=6.0, plays=_rollout_plays)
@@ -122,10 +119,7 @@ def evidence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     unchanged_rerun = lab.play(base.play)
     again = _replayed(lab, base.trace, lab.env(), {agent_name(agent): agent for agent in names})
     if isinstance(again, Episode):
-        volatile = tuple(lab.contract.volatile_infos())
-        yield ProbeCounterfactual(
-            base.trace, unchanged_rerun.trace, again, {"change": "Replayed"}, volatile
-        )
+        yield lab.beside(base.trace, unchanged_rerun.trace, again, {"change": "Replayed"})
     else:
         yield lab.fact(UnwrittenActions(again), turn=0, field="actions")
 

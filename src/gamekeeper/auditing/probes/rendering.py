@@ -14,7 +14,7 @@ import numpy as np
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
-from gamekeeper.auditing.probes.moves import affordable, moves
+from gamekeeper.auditing.probes.moves import affordable, cut, moves
 from gamekeeper.checks.facts.render_facts import (
     BuiltMode,
     ChangedFrames,
@@ -24,8 +24,6 @@ from gamekeeper.checks.facts.render_facts import (
     Shot,
     WrittenFrames,
 )
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 
@@ -75,9 +73,9 @@ def render(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         unchanged_rerun = lab.play(base.play)
         takes = lab.can_make and lab.call("make", lab.make, render_mode=None).failed is None
         if takes and own is not None:
-            yield _counterfactual(
-                "RenderMode", None, base, unchanged_rerun, lab.play(base.play, _plain(lab)), lab
-            )
+            still = lab.play(base.play, lab.make(render_mode=None)).trace
+            change = {"change": "RenderMode", "mode": None}
+            yield lab.beside(base.trace, unchanged_rerun.trace, still, change)
         for mode in _modes(metadata, own):
             yield from _mode(
                 lab, mode, own=own, takes=takes, base=base, unchanged_rerun=unchanged_rerun
@@ -112,26 +110,27 @@ def _mode(
     still = base
     if not is_own:
         still = lab.play(base.play, made.value)
-        yield _counterfactual("RenderMode", mode, base, unchanged_rerun, still, lab)
+        change = {"change": "RenderMode", "mode": mode}
+        yield lab.beside(base.trace, unchanged_rerun.trace, still.trace, change)
         made = built()
     camera = Camera(lab)
     filmed = lab.play(base.play, made.value, watch=camera)
-    yield _counterfactual("Rendered", mode, still, unchanged_rerun, filmed, lab)
+    change = {"change": "Rendered", "mode": mode}
+    yield lab.beside(still.trace, unchanged_rerun.trace, filmed.trace, change)
     yield lab.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
     yield lab.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
-    volatile = lab.contract.volatile_infos()
-    if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is None:
+    if lab.divergence(base.trace, unchanged_rerun.trace) is None:
         yield from _looked_twice(lab, about, base.play, made.value)
     turns = len(base.play.actions or ())
     last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
     for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
         late = Camera(lab, first=first)
         again = lab.play(base.play, built().value, watch=late)
-        is_same = compare(filmed.trace, again.trace, volatile=volatile).divergence is None
+        is_same = lab.divergence(filmed.trace, again.trace) is None
         for shot in late.shots[:1] if is_same else ():
             yield lab.fact(FirstFrame(mode, options, first, shot.digest))
     pen = Pen(lab)
-    lab.play(_shorter(base.play), built().value, watch=pen)
+    lab.play(cut(base.play, WRITTEN_TURNS), built().value, watch=pen)
     yield lab.fact(WrittenFrames(mode, options, pen.turns, pen.count))
 
 
@@ -246,34 +245,12 @@ def _scribble(array: Any) -> Any:
     return np.where(array == marks, marks + 1, marks).astype(array.dtype)
 
 
-def _plain(lab: ProbeSession) -> Any:
-    return lab.make(render_mode=None)
-
-
-def _counterfactual(
-    kind: str,
-    mode: str | None,
-    base: EpisodeResult,
-    unchanged_rerun: EpisodeResult,
-    other: EpisodeResult,
-    lab: ProbeSession,
-) -> ProbeCounterfactual:
-    change = {"change": kind, "mode": mode}
-    volatile = tuple(lab.contract.volatile_infos())
-    return ProbeCounterfactual(base.trace, unchanged_rerun.trace, other.trace, change, volatile)
-
-
 def _modes(metadata: Any, own: Any) -> list[str]:
     """The declared modes, and the one in use, without "human", which needs a screen."""
     declared = metadata.get("render_modes") if isinstance(metadata, dict) else None
     listed = declared if isinstance(declared, list | tuple) else ()
     named = [mode for mode in (own, *listed) if isinstance(mode, str) and mode != "human"]
     return list(dict.fromkeys(named))[:MOST_MODES]
-
-
-def _shorter(play: EpisodePlan) -> EpisodePlan:
-    actions = (play.actions or ())[:WRITTEN_TURNS]
-    return EpisodePlan(play.seed, play.stream, actions, max(len(actions), 1), play.options)
 
 
 def _first_line(text: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import cycle, islice
 from typing import Any, Final
 
 import numpy as np
@@ -13,9 +13,10 @@ from gymnasium.spaces import Discrete
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
-from gamekeeper.auditing.probes.moves import legal, other_action
+from gamekeeper.auditing.probes.moves import cut, legal, other_action
 from gamekeeper.checks.facts.play_facts import MoverTrial, Payment
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -34,9 +35,8 @@ MOST_LATER: Final = 12
 def _influence_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """Plays of several lengths; in AEC environments as many rounds."""
     scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
-    for k in range(INFLUENCE_MOST_PLAYS):
-        turns = min(LENGTHS[k % len(LENGTHS)] * min(scale, 8), max(lab.ration // 8, 8))
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    lengths = islice(cycle(LENGTHS), INFLUENCE_MOST_PLAYS)
+    return lab.plays_of(min(each * min(scale, 8), max(lab.ration // 8, 8)) for each in lengths)
 
 
 @probe("influence", share=3.0, plays=_influence_plays, tries=8)
@@ -55,6 +55,9 @@ def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if not spots:
         return
     unchanged_rerun = lab.play(base.play, env, state=False)
+    volatile = lab.contract.volatile_infos()
+    if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is not None:
+        lab.unlike[:] = lab.unlike or [base.play]
     step = max(len(spots) // TRIALS, 1)
     offset = play.stream % step
     for place, turn in enumerate(spots[offset::step][: TRIALS + 1]):
@@ -64,10 +67,9 @@ def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         found, action = other(lab, agent, turn.actions[agent], mask, turn.index)
         if not found:
             continue
-        later = _later(lab)
+        later = LAGS if lab.api == "parallel" else min(LAGS * len(lab.agents), MOST_LATER)
         # in AEC what comes of the last step is only seen by whoever is asked next
-        cut = (base.play.actions or ())[: turn.index + 1 + later + (lab.api == "aec")]
-        trial = replace(base, play=replace(base.play, actions=cut, most_turns=len(cut)))
+        trial = replace(base, play=cut(base.play, turn.index + 1 + later + (lab.api == "aec")))
         change = ReplacedAction(turn.index, own_name(base, agent), action)
         counterfactual = lab.counterfactual(trial, unchanged_rerun, change, env, state=False)
         legal_for = _legal_for(lab, counterfactual.trace, turn.index, later)
@@ -81,17 +83,12 @@ def _legal_for(lab: ProbeSession, trace: Episode, start: int, later: int) -> int
     for turn in trace.turns:
         if start < turn.index <= start + later:
             for agent, mask in turn.masks.items():
-                space = None if agent not in lab.agents else lab.agents[agent].action_space
-                action = turn.actions.get(agent)
+                space, action = lab.space_of(agent), turn.actions.get(agent)
                 if action is None or not isinstance(space, Discrete):
                     continue
                 if int(action) not in legal(space, mask):
                     return turn.index - start - 1
     return later
-
-
-def _later(lab: ProbeSession) -> int:
-    return LAGS if lab.api == "parallel" else min(LAGS * len(lab.agents), MOST_LATER)
 
 
 def _influence_movers(turn: Turn) -> list[str]:
@@ -101,8 +98,7 @@ def _influence_movers(turn: Turn) -> list[str]:
 
 def other(lab: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:
     """Another legal action, if one is found."""
-    spec = lab.agents.get(agent)
-    space = None if spec is None else spec.action_space
+    space = lab.space_of(agent)
     rng = np.random.default_rng([13, turn])
     if isinstance(space, Discrete):
         return other_action(space, mask, action, rng)
@@ -142,8 +138,7 @@ def paid(contract: Contract, turn: Turn, agent: str, term: str) -> float:
 def short_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """Plays of few rounds."""
     scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
-    for k in range(MOST_PLAYS):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=TURNS * scale)
+    return lab.plays_of([TURNS * scale] * MOST_PLAYS)
 
 
 @probe(
@@ -191,8 +186,7 @@ def _alternatives_movers(
 ) -> dict[str, MoverTrial]:
     """By agent, whether something else that it could have done makes the payment smaller."""
     found: dict[str, MoverTrial] = {}
-    cut = (base.play.actions or ())[: turn.index + 1]
-    short = replace(base.play, actions=cut, most_turns=len(cut))
+    short = cut(base.play, turn.index + 1)
     for agent, then in last_acts(base.trace, turn.index).items():
         tried, instead = 0, None
         for action in others(lab, agent, then):
@@ -221,8 +215,7 @@ def last_acts(trace: Episode, turn: int) -> dict[str, Turn]:
 
 def others(lab: ProbeSession, agent: str, turn: Turn) -> list[Any]:
     """Other legal actions of the agent at that turn, a few; none where they aren't Discrete."""
-    spec = lab.agents.get(agent)
-    space = None if spec is None else spec.action_space
+    space = lab.space_of(agent)
     if not isinstance(space, Discrete):
         return []
     own = int(turn.actions[agent])

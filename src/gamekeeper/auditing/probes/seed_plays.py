@@ -20,10 +20,8 @@ from gamekeeper.checks.facts.seed_facts import (
     UnseededPlays,
 )
 from gamekeeper.checks.paired_plays import told_difference
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.episodes.canonical import to_json
-from gamekeeper.episodes.divergence import compare
-from gamekeeper.episodes.episode import Episode, digests_of
+from gamekeeper.episodes.episode import digests_of
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.generators import is_same_state
 from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, EpisodeResult, StepHook
@@ -33,16 +31,11 @@ from gamekeeper.rollouts.process_randomness import LATER_S, held, later, reseed,
 PLAYS: Final = 3
 
 
-def _same_seed_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones, each played three times, the first one once more."""
-    return lab.plays(PLAYS, runs=3)
-
-
 OTHERWISE: Final = 90_127
 """Seed of the global generators in the play that starts them elsewhere."""
 
 
-@probe("same_seed", share=1.5, plays=_same_seed_plays)
+@probe("same_seed", share=1.5, plays=lambda lab: lab.plays(PLAYS, runs=3))
 def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The same seed and actions once more, in a second instance where one can be had.
 
@@ -52,37 +45,30 @@ def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     in the first play also `empty options`, whose unchanged
     rerun is that, and `the time of day`, where nothing else made a difference.
     """
-    volatile = tuple(lab.contract.volatile_infos())
-    with held():
-        base = lab.play(play, lab.env())
-    with held():
-        again = lab.play(base.play, lab.env())
-    same = ProbeCounterfactual(base.trace, base.trace, again.trace, {"change": "nothing"}, volatile)
+    base = lab.fresh(play)
+    again = lab.fresh(base.play)
+    same = lab.beside(base.trace, base.trace, again.trace, {"change": "nothing"})
     yield same
     if same.divergence is None:
         with held(OTHERWISE):
             elsewhere = lab.play(base.play, lab.env(), hold=False)
         change: dict[str, Any] = {"change": "the global generators"}
-        yield ProbeCounterfactual(base.trace, again.trace, elsewhere.trace, change, volatile)
+        yield lab.beside(base.trace, again.trace, elsewhere.trace, change)
     if lab.number == 0 and same.divergence is None:
         for seconds in LATER_S:
             with held(), later(seconds):
                 other = lab.play(base.play, lab.env())
             change = {"change": "the time of day", "later_s": seconds}
-            moved = ProbeCounterfactual(base.trace, again.trace, other.trace, change, volatile)
+            moved = lab.beside(base.trace, again.trace, other.trace, change)
             yield moved
             if moved.divergence is not None:
                 break
     if lab.number == 0 and play.options is None:
         short = replace(base.play, options={}, actions=(base.play.actions or ())[:1])
-        with held():
-            empty = lab.play(short, lab.env())
+        empty = lab.fresh(short)
         if empty.failed is None:  # a reset that refuses options is another promise
-            with held():
-                none = lab.play(replace(short, options=None), lab.env())
-            yield ProbeCounterfactual(
-                none.trace, none.trace, empty.trace, {"change": "empty options"}, volatile
-            )
+            none = lab.fresh(replace(short, options=None)).trace
+            yield lab.beside(none, none, empty.trace, {"change": "empty options"})
 
 
 SPECIAL_SEEDS: Final = (0, 2**31 - 1)
@@ -112,11 +98,9 @@ def special_seeds(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `SpecialRefused`, `PlainSeed`.
     """
-    volatile = tuple(lab.contract.volatile_infos())
     one, two = _twice(lab, play)
-    yield ProbeCounterfactual(
-        one.trace, one.trace, two.trace, {"change": "nothing", "seed": play.seed}, volatile
-    )
+    change = {"change": "nothing", "seed": play.seed}
+    yield lab.beside(one.trace, one.trace, two.trace, change)
     is_refused = one.failed is not None and one.failed.call == "reset"
     if one.failed is not None and is_refused:
         yield lab.fact(SpecialRefused(f"{one.failed.kind}: {one.failed.text}"))
@@ -170,8 +154,7 @@ def _played(lab: ProbeSession, play: EpisodePlan, env: Any) -> EpisodeResult:
 
 
 def _parts(lab: ProbeSession, one: EpisodeResult, two: EpisodeResult) -> bool:
-    volatile = lab.contract.volatile_infos()
-    return compare(one.trace, two.trace, volatile=volatile).divergence is not None
+    return lab.divergence(one.trace, two.trace) is not None
 
 
 FEW: Final = 4
@@ -188,12 +171,8 @@ ELSEWHERE: Final = 7_919
 """Any number that nobody is likely to seed with."""
 
 
-def _unseeded_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """A short one: what is drawn at the reset shows at once."""
-    return lab.plays(1, runs=8, most_turns=UNSEEDED_TURNS)
-
-
-@probe("unseeded", share=0.5, plays=_unseeded_plays)
+# what is drawn at the reset shows at once
+@probe("unseeded", share=0.5, plays=lambda lab: lab.plays(1, runs=8, most_turns=UNSEEDED_TURNS))
 def unseeded(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Resets with several seeds beside resets without one: where do they lead?
 
@@ -265,8 +244,7 @@ def _elsewhere(lab: ProbeSession, play: EpisodePlan) -> str | None:
     ]
     change = GeneratorsElsewhere(tuple(places), number=ELSEWHERE)
     other = lab.play(played[0].play, lab.env(), change=change, hold=False)
-    volatile = lab.contract.volatile_infos()
-    found = compare(played[0].trace, other.trace, volatile=volatile).divergence
+    found = lab.divergence(played[0].trace, other.trace)
     return None if found is None else told_difference(found)
 
 
@@ -319,8 +297,9 @@ BEFORE: Final = (1, 4)
 
 
 def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones, so that whole episodes go before."""
-    return lab.plays(2, runs=7)
+    """One that differed in a used instance, if any; long ones, so that whole episodes go before."""
+    yield from lab.unlike
+    yield from lab.plays(2, runs=7)
 
 
 @probe("second_episode", share=1.5, plays=_second_episode_plays)
@@ -334,9 +313,7 @@ def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     nothing. Facts, beside a counterfactual that parts:
         `EpisodeBefore`, `LaterSeeds`.
     """
-    volatile = tuple(lab.contract.volatile_infos())
-    with held():
-        base = lab.play(play, lab.env())
+    base = lab.fresh(play)
     change = {"change": "an episode before"}
     resets = replace(base.play, actions=(), most_turns=0)
     for before in (base.play, _cut(lab, base), resets):
@@ -345,13 +322,12 @@ def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             after, times = _once_more(lab, base, BEFORE[lab.number % len(BEFORE)])
         else:
             after = _after(lab, before, base.play, times)
-        if compare(base.trace, after.trace, volatile=volatile).divergence is None:
-            yield ProbeCounterfactual(base.trace, base.trace, after.trace, change, volatile)
+        if not _parts(lab, base, after):
+            yield lab.beside(base.trace, base.trace, after.trace, change)
             continue
-        with held():
-            unchanged_rerun = lab.play(base.play, lab.env())
-        yield ProbeCounterfactual(base.trace, unchanged_rerun.trace, after.trace, change, volatile)
-        if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is None:
+        unchanged_rerun = lab.fresh(base.play)
+        yield lab.beside(base.trace, unchanged_rerun.trace, after.trace, change)
+        if not _parts(lab, base, unchanged_rerun):
             paper = None if before is base.play else _on_paper(lab, before)
             yield lab.fact(EpisodeBefore(paper, times))
             yield lab.fact(LaterSeeds(*_seeds_matter(lab, before, base, after, times)))
@@ -375,7 +351,7 @@ def _once_more(lab: ProbeSession, base: EpisodeResult, most: int) -> tuple[Episo
         times += 1
         with held():
             after = lab.play(base.play, env)
-        if times == most or _differ(lab, base.trace, after.trace):
+        if times == most or _parts(lab, base, after):
             return after, times
 
 
@@ -391,8 +367,7 @@ def _after(lab: ProbeSession, before: EpisodePlan, play: EpisodePlan, times: int
 
 def _on_paper(lab: ProbeSession, before: EpisodePlan) -> tuple[int | None, tuple[Actions, ...]]:
     if before.actions is None:
-        with held():
-            before = lab.play(before, lab.env()).play
+        before = lab.fresh(before).play
     return before.seed, before.actions or ()
 
 
@@ -401,11 +376,5 @@ def _seeds_matter(
 ) -> tuple[bool, bool]:
     """Tells whether another seed makes another episode, in a fresh instance and a used one."""
     other = replace(base.play, seed=(base.play.seed or 0) + 1)
-    with held():
-        fresh = lab.play(other, lab.env())
     used = _after(lab, before, other, times)
-    return _differ(lab, base.trace, fresh.trace), _differ(lab, after.trace, used.trace)
-
-
-def _differ(lab: ProbeSession, one: Episode, two: Episode) -> bool:
-    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence is not None
+    return _parts(lab, base, lab.fresh(other)), _parts(lab, after, used)

@@ -22,9 +22,9 @@ from gamekeeper.checks.facts.state_facts import (
     UsedState,
 )
 from gamekeeper.episodes.canonical import to_json
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.action_mask import for_sample
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 
@@ -145,8 +145,7 @@ def _used(
     """The same play once more in the same instance; looked at where all else is equal."""
     again = StateRecorder(lab, env)
     used = lab.play(base.play, env, watch=again, state=False)
-    volatile = lab.contract.volatile_infos()
-    if compare(base.trace, used.trace, volatile=volatile).divergence is None:
+    if lab.divergence(base.trace, used.trace) is None:
         pairs = zip(answers, again.answers, strict=False)
         turn = next((a.turn for a, b in pairs if a.digest != b.digest), None)
         yield lab.fact(UsedState(turn=turn), field="used")
@@ -194,7 +193,7 @@ def _others(
         space.seed(seed + turn)
         mask = masks.get(agent_name(agent))
         for _ in range(8):
-            drawn = space.sample() if mask is None else space.sample(np.asarray(mask, np.int8))
+            drawn = space.sample() if mask is None else space.sample(for_sample(space, mask))
             if to_json(drawn) != to_json(action):
                 others[agent] = drawn
                 break

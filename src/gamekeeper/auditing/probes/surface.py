@@ -8,7 +8,6 @@ import re
 import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from types import FunctionType, MethodType, ModuleType
 from typing import Any, Final
 
@@ -16,6 +15,7 @@ from gymnasium.spaces import Space
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import cut
 from gamekeeper.checks.ended_agents import is_up
 from gamekeeper.checks.facts.surface_facts import (
     AgentCounts,
@@ -122,9 +122,7 @@ LAST: Final = 5
 
 def _surface_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """First a few that may be long, then more while there are steps left."""
-    turns = max(lab.ration // PLAYS, 20)
-    for k in range(PLAYS + SHORT_PLAYS):
-        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+    return lab.plays_of([max(lab.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
 
 
 @probe("surface", share=1.5, plays=_surface_plays)
@@ -226,9 +224,8 @@ def _midway(
     """After the first turns of a play, until somebody has left, a reset: its roster."""
     for turn, names in enumerate(rosters):
         if names and rosters[0] and not set(rosters[0]) <= set(names):
-            paper = (played.play.actions or ())[:turn]
-            if turn and len(paper) == turn:
-                lab.play(replace(played.play, actions=paper, most_turns=turn), env)
+            if turn and len(played.play.actions or ()) >= turn:
+                lab.play(cut(played.play, turn), env)
                 return turn, _reset(lab, env, played.play)
             return None
     return None
@@ -313,12 +310,7 @@ MOST_TURNS: Final = 20
 MOST_MODES: Final = 3
 
 
-def _metadata_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One short play."""
-    yield from lab.plays(1, most_turns=MOST_TURNS)
-
-
-@probe("metadata", share=0.2, plays=_metadata_plays)
+@probe("metadata", share=0.2, plays=lambda lab: lab.plays(1, most_turns=MOST_TURNS))
 def metadata(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Metadata, before and after the environment was used.
 

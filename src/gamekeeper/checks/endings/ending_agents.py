@@ -1,19 +1,24 @@
-"""Checks of agents that end: they are told, leave, and all leave with the episode."""
+"""Checks of agents that end: their flags, that they leave, and that all leave with the episode."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Set
+from dataclasses import replace
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, is_twofold, may_leave, plays_with_rosters
+from gamekeeper.checks.facts.space_facts import NumpyFlag
+from gamekeeper.checks.facts.surface_facts import FlaggedAgents, LiveRosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import agents_leave_by_ending as agents_left
-from gamekeeper.checks.reproducers import endings_take_all
+from gamekeeper.checks.reproducers import endings_take_all, flags_stay_up
+from gamekeeper.checks.rosters.agent_entries import has_nonconforming_rows
 from gamekeeper.checks.timing.agent_turns import departures
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.canonical import shown
 from gamekeeper.episodes.episode import Episode, Turn
 
 KINDS: Final = {"termination": "terminated", "truncation": "truncated"}
@@ -35,7 +40,7 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 )
 def endings_reach_all_whom_they_are_declared_for(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """An ending that is declared to be everybody's, or a role's, ends all of them at once.
 
     An agent that goes on playing after the game is over for the others earns rewards in a world
@@ -56,13 +61,10 @@ def endings_reach_all_whom_they_are_declared_for(
                 if owed is None:
                     continue
                 left = sorted(owed - known)
-                yield Case(
-                    trace.at(turn, agent, "endings"),
-                    not left,
-                    "all of them end with it",
-                    f"{', '.join(left)} went on",
-                    proof=reproducer_of(endings_take_all, api=evidence.api),
-                )
+                where = trace.at(turn, agent, "endings")
+                expected = "all of them end with it"
+                proof = reproducer_of(endings_take_all, api=evidence.api)
+                yield Case(where, not left, expected, f"{', '.join(left)} went on", proof)
 
 
 def _owners(
@@ -99,7 +101,7 @@ assert not silent, silent"""),
     "or declare may_leave for its role",
     looks_at="an agent that leaves `agents`",
 )
-def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
 
     A learner that sees no end waits for an agent that never acts again, and bootstraps from
@@ -112,13 +114,10 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Itera
     left = _left_a_turn if evidence.api == "aec" else _left_a_tick
     for trace, turn, agent, has_ended in left(evidence):
         if not may_leave(contract, agent):
-            yield Case(
-                trace.at(turn, agent, "agents"),
-                has_ended,
-                "a termination or a truncation",
-                "it is gone without either",
-                proof=PROOFS[evidence.api],
-            )
+            where = trace.at(turn, agent, "agents")
+            expected = "a termination or a truncation"
+            seen = "it is gone without either"
+            yield Case(where, has_ended, expected, seen, PROOFS[evidence.api])
 
 
 def _left_a_tick(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
@@ -157,9 +156,7 @@ assert env.agents or not silent, silent"""
     api="parallel",
     looks_at="an agent that ends while others are in the game",
 )
-def the_episode_is_over_for_those_who_ended(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Ending one agent empties `agents` only where the others terminate or truncate too.
 
     The others' last step looks like any other: their returns are bootstrapped from a state that
@@ -200,7 +197,7 @@ assert not ended, ended"""
     api="parallel",
     looks_at="an agent that terminates or truncates",
 )
-def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has terminated or truncated is out of `agents` when that step returns.
 
     `while env.agents` is how an episode is played: where `agents` isn't emptied at the end it goes
@@ -216,10 +213,128 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
             if not ended or not turn.index:
                 continue
             still = sorted(ended & turn.live)
-            yield Case(
-                trace.at(turn, still[0] if still else None, "agents"),
-                not still,
-                "only those who go on",
-                f"{', '.join(still)} ended, and stays",
-                proof=ENDED_OUT_PROOF,
-            )
+            where = trace.at(turn, still[0] if still else None, "agents")
+            seen = f"{', '.join(still)} ended, and stays"
+            yield Case(where, not still, "only those who go on", seen, ENDED_OUT_PROOF)
+
+
+BOOKS: Final = {"terminated": "terminations", "truncated": "truncations"}
+
+
+@check(
+    "GK504",
+    needs=("rollout", "spaces"),
+    severity=MEDIUM,
+    fix="make a bool of it: `terminations[agent] = bool(...)`",
+)
+def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Terminations and truncations are bools, not numbers, None or arrays.
+
+    `flag is True`, `~flag` and masks of arrays mean something else for 1 than for True, and None or
+    an array isn't an answer at all. NumPy's bool is of low severity: PettingZoo's own API test
+    refuses it, and it can't be written as JSON.
+
+    Bad: `terminations[agent] = self.steps // 100`.
+
+    Good: `terminations[agent] = self.steps >= 100`.
+    """
+    for trace in evidence["rollout"]:
+        is_nonconforming = has_nonconforming_rows(trace)
+        for turn in trace.turns:
+            bad = [
+                (agent, name, nonconforming[name])
+                for agent, nonconforming in (turn.nonconforming.items() if is_nonconforming else ())
+                for name in BOOKS
+                if nonconforming.get(name, {}).get("type", "missing") != "missing"
+            ]
+            for agent, name, flag in bad:
+                where = trace.at(turn, agent, BOOKS[name])
+                seen = f"{flag['type']}: {shown(flag.get('value'))}"
+                yield Case(where, False, "a bool", seen, _proof(evidence.api, BOOKS[name]))
+            if not bad and (turn.terminated or turn.truncated):
+                yield Case(trace.at(turn, None, "terminations"), True)
+    for fact in evidence.facts(NumpyFlag):
+        proof = _proof(evidence.api, fact.where.field, "bool")
+        yield Case(fact.where, False, "Python's bool", "NumPy's bool", proof=proof, severity=LOW)
+
+
+def _proof(api: str, book: str, kinds: str = "(bool, np.bool_)") -> str:
+    flags = book if api == "parallel" else f"env.{book}"
+    return (
+        f"flags = {flags}\n"
+        f"odd = {{a: flags[a] for a in flags if not isinstance(flags[a], {kinds})}}\n"
+        "assert not odd, odd"
+    )
+
+
+@check(
+    "GK505",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="keep the flag up until the agent is out of `agents`; set flags where an agent ends, "
+    "don't work them out anew in every step",
+    api="aec",
+    looks_at="an agent that has ended and is still in `agents`",
+)
+def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The flags of an agent that has ended aren't taken back while it is still in `agents`.
+
+    In the one step the learner closes the agent's trajectory, in the next it is told that nothing
+    has happened.
+
+    Bad: `self.terminations = {a: self.energy[a] <= 0 for a in self.agents}`, and energy comes back.
+
+    Good: `if self.energy[a] <= 0: self.terminations[a] = True`.
+    """
+    for trace, rosters in plays_with_rosters(evidence):
+        ended: set[str] = set()
+        for turn in trace.turns:
+            roster = set(rosters[turn.index]) if turn.index < len(rosters) else set()
+            ended &= roster
+            for agent in sorted(ended & turn.live):
+                flags = turn.terminated.get(agent), turn.truncated.get(agent)
+                if flags == (None, None):
+                    continue  # nothing is said of it at this turn
+                where = trace.at(turn, agent, "terminations")
+                is_ok = agent in ended_in(turn)
+                expected = "terminated or truncated, as before"
+                yield Case(where, is_ok, expected, "neither", reproducer_of(flags_stay_up))
+            ended |= turn.ended & roster
+
+
+FRESH = """\
+flagged = [a for a in env.agents if env.terminations[a] or env.truncations[a]]
+assert not flagged, flagged"""
+AFTER = f"env.reset(seed=SEED)\n{FRESH}"
+
+
+@check(
+    "GK506",
+    needs=("surface",),
+    severity=HIGH,
+    fix="in reset: `self.terminations = dict.fromkeys(self.agents, False)`, and the same for "
+    "truncations",
+    api="aec",
+)
+def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """After a reset nobody is terminated or truncated, whatever the last episode came to.
+
+    An episode whose agents have ended before it begins is over at once, and the loop around it
+    counts an empty one.
+
+    Bad: flags are set in the constructor and by `step` only.
+
+    Good: `self.terminations = dict.fromkeys(self.agents, False)` in `reset`.
+    """
+    rosters = {fact.where.play: fact.value for fact in evidence.facts(LiveRosters)}
+    for fact in evidence.facts(FlaggedAgents):
+        first, second, third = fact.value.resets
+        turns = len(rosters[fact.where.play].turns)
+        if not turns:
+            continue
+        flagged = first or second
+        where = replace(fact.where, turn=0)
+        yield Case(where, not flagged, "no flags up", f"up: {', '.join(flagged)}", FRESH)
+        if not flagged and rosters[fact.where.play].again is not None:
+            where = replace(fact.where, turn=turns - 1, field="terminations after the next reset")
+            yield Case(where, not third, "no flags up", f"up: {', '.join(third)}", AFTER)

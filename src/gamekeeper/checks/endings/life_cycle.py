@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import EndedActions
 from gamekeeper.checks.facts.lifecycle_facts import (
@@ -33,34 +32,26 @@ from gamekeeper.episodes.episode import Episode
     fix="return empty dictionaries (Parallel), or raise, once `agents` is empty",
     looks_at="an episode that was played to its end",
 )
-def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-    """A step after the end of an episode raises, or gives nothing (Parallel: five empty dicts).
+def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """A step after the end of an episode raises, or gives no rewards, flags or turns.
 
-    A loop that forgets a reset then trains on an episode that isn't there. An exception of any kind
-    is fine, and so are five empty dictionaries, that of the observations among them.
+    A loop that forgets a reset else trains on an episode that isn't there. An exception of any kind
+    is fine, and so are five empty dictionaries; observations alone train no learner.
 
     Bad:
-    ```python
-    def step(self, actions):
-        now = self.agents or self.possible_agents
-        ...
-    ```
+        def step(self, actions):
+            now = self.agents or self.possible_agents
+            ...
+
     Good:
-    ```python
-    def step(self, actions):
-        if not self.agents:
-            return {}, {}, {}, {}, {}
-    ```
+        def step(self, actions):
+            if not self.agents:
+                return {}, {}, {}, {}, {}
     """
     for fact in evidence.facts(StepAfterEnd):
         gave = fact.value.gave
-        yield Case(
-            fact.where,
-            not gave,
-            "an exception, or nothing",
-            f"the step after the end gives {gave}",
-            proof=fact.proof,
-        )
+        seen = f"the step after the end gives {gave}"
+        yield Case(fact.where, not gave, "an exception, or no rewards and flags", seen, fact.proof)
 
 
 @check(
@@ -70,33 +61,25 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> I
     confidence=0.8,
     fix="raise an error in step() while no reset has been made",
 )
-def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step before the first reset doesn't silently play: it raises, or gives nothing.
 
     An episode that nobody has reset has no seed: it can't be played again, and its first state may
     be one that no episode begins with. An exception of any kind is fine.
 
     Bad:
-    ```python
-    def __init__(self):
-        self.agents = self.possible_agents[:]     # and step() plays on from here
-    ```
+        def __init__(self):
+            self.agents = self.possible_agents[:]     # and step() plays on from here
+
     Good:
-    ```python
-    def step(self, actions):
-        if self.state is None:
-            raise RuntimeError("call reset() before step()")
-    ```
+        def step(self, actions):
+            if self.state is None:
+                raise RuntimeError("call reset() before step()")
     """
     for fact in evidence.facts(StepBeforeReset):
         gave = fact.value.gave
-        yield Case(
-            fact.where,
-            not gave,
-            "an exception, or nothing",
-            f"the step before any reset gives {gave}",
-            proof=fact.proof,
-        )
+        seen = f"the step before any reset gives {gave}"
+        yield Case(fact.where, not gave, "an exception, or nothing", seen, fact.proof)
 
 
 @check(
@@ -106,32 +89,24 @@ def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     api="aec",
     fix="hand the action on: `self._was_dead_step(action)` raises where it isn't None",
 )
-def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent's only action is None: a real action of an agent that has ended is refused.
 
     A loop that forgets to look at the flags would go on choosing for an agent that isn't there any
     more, and nobody would hear of it. An exception of any kind is fine.
 
     Bad:
-    ```python
-    if self.terminations[agent]:
-        self._was_dead_step(None)             # whatever the action was
-        return
-    ```
+        if self.terminations[agent]:
+            self._was_dead_step(None)             # whatever the action was
+            return
+
     Good:
-    ```python
-    if self.terminations[agent]:
-        return self._was_dead_step(action)
-    ```
+        if self.terminations[agent]:
+            return self._was_dead_step(action)
     """
     for fact in evidence.facts(DeadAction):
-        yield Case(
-            fact.where,
-            fact.value.raised is not None,
-            "an exception",
-            f"{fact.value.agent!r} has ended, and its action is accepted",
-            proof=fact.proof,
-        )
+        seen = f"{fact.value.agent!r} has ended, and its action is accepted"
+        yield Case(fact.where, fact.value.raised is not None, "an exception", seen, fact.proof)
 
 
 @check(
@@ -141,42 +116,31 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     fix="let reset() make the whole state new, whatever the episode before left, and name the "
     "live agents; where it raises, at the line that `actual` names",
 )
-def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset begins an episode at any time: at first, in mid-episode, at its end, twice in a row.
 
     Vector environments and evaluation loops reset whenever they like. A reset that raises, leaves
     nobody in `agents`, or is ignored until the episode is over, breaks them.
 
     Bad:
-    ```python
-    def reset(self, seed=None, options=None):
-        if self.agents:
-            return self._observations, self._infos    # not over yet
-    ```
+        def reset(self, seed=None, options=None):
+            if self.agents:
+                return self._observations, self._infos    # not over yet
+
     Good:
-    ```python
-    def reset(self, seed=None, options=None):
-        self.agents = self.possible_agents[:]
-        self.board = new_board(self._rng)
-    ```
+        def reset(self, seed=None, options=None):
+            self.agents = self.possible_agents[:]
+            self.board = new_board(self._rng)
     """
     for fact in evidence.facts(LaterReset):
         raised, agents = fact.value.raised, fact.value.agents
-        yield Case(
-            fact.where,
-            raised is None and agents != 0,
-            "a new episode that can be played",
-            f"{fact.value.when}: {raised or 'nobody is in agents'}",
-            proof=fact.proof,
-        )
+        is_ok = raised is None and agents != 0
+        seen = f"{fact.value.when}: {raised or 'nobody is in agents'}"
+        yield Case(fact.where, is_ok, "a new episode that can be played", seen, fact.proof)
     for ignored in evidence.facts(IgnoredResets):
-        yield Case(
-            ignored.where,
-            not ignored.value.is_ignored,
-            "what the first reset with this seed gave",
-            "a reset in mid-episode gives what stood there before it",
-            proof=ignored.proof,
-        )
+        expected = "what the first reset with this seed gave"
+        seen = "a reset in mid-episode gives what stood there before it"
+        yield Case(ignored.where, not ignored.value.is_ignored, expected, seen, ignored.proof)
 
 
 @check(
@@ -185,7 +149,7 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     severity=MEDIUM,
     fix="declare `def reset(self, seed=None, options=None):`",
 )
-def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`reset` takes `seed` and `options` by keyword, and neither is needed.
 
     Wrappers, vector environments and trainers call `reset(seed=..., options=...)`; where one of
@@ -193,25 +157,18 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
     the arguments aren't the cause, and nothing is said of them.
 
     Bad:
-    ```python
-    def reset(self, seed=None): ...
-    ```
+        def reset(self, seed=None): ...
+
     Good:
-    ```python
-    def reset(self, seed=None, options=None): ...
-    ```
+        def reset(self, seed=None, options=None): ...
     """
     for fact in evidence.facts(ResetArguments):
         if all(fact.value.raised.values()):
             continue
         for words, raised in fact.value.raised.items():
-            yield Case(
-                fact.where,
-                raised is None,
-                f"reset({words}) begins an episode",
-                raised,
-                proof=Reproducer(f"make().reset({words})", plays=False),
-            )
+            is_ok = raised is None
+            proof = Reproducer(f"make().reset({words})", plays=False)
+            yield Case(fact.where, is_ok, f"reset({words}) begins an episode", raised, proof)
 
 
 @check(
@@ -220,24 +177,21 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
     severity=LOW,
     fix="let close() look whether there is anything to close: `if self.screen is not None: ...`",
 )
-def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`close` raises at no time: not before a reset, and not when it is called twice.
 
     It is called while cleaning up, often after another error, which its own would then hide; and
     `finally` blocks, wrappers and garbage collection may call it more than once.
 
     Bad:
-    ```python
-    def close(self):
-        self.screen.close()                   # None before the first frame
-    ```
+        def close(self):
+            self.screen.close()                   # None before the first frame
+
     Good:
-    ```python
-    def close(self):
-        if self.screen is not None:
-            self.screen.close()
-            self.screen = None
-    ```
+        def close(self):
+            if self.screen is not None:
+                self.screen.close()
+                self.screen = None
     """
     for fact in evidence.facts(Closings):
         for when, raised in fact.value.raised.items():
@@ -260,7 +214,7 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     fix="read the actions of agents in `agents` only, or raise where there are others",
     looks_at="a Parallel agent that ended before the others, and an action for it",
 )
-def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended acts no more: its entry in the actions is ignored or refused.
 
     Trainers with a fixed number of slots go on sending actions for those that are gone. Where these
@@ -268,25 +222,18 @@ def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     of agents that have ended, and with none, everything else being equal.
 
     Bad:
-    ```python
-    for agent, action in actions.items():
-        self.move(agent, action)
-    ```
+        for agent, action in actions.items():
+            self.move(agent, action)
+
     Good:
-    ```python
-    for agent in self.agents:
-        self.move(agent, actions[agent])
-    ```
+        for agent in self.agents:
+            self.move(agent, actions[agent])
     """
     for fact in evidence.facts(EndedActions):
         turn, agents = fact.value.turn, fact.value.agents
-        yield Case(
-            fact.where,
-            turn is None,
-            "the same play, whatever those who ended do",
-            f"another one from turn {turn} on, by what {agents} did",
-            proof=fact.proof,
-        )
+        expected = "the same play, whatever those who ended do"
+        seen = f"another one from turn {turn} on, by what {agents} did"
+        yield Case(fact.where, turn is None, expected, seen, fact.proof)
 
 
 EXPECTED: Final = "`last()` and None steps that raise nothing"
@@ -302,7 +249,7 @@ SHOWN: Final = {"last": "env.last()", "step": "# nothing more: the None step abo
     "the None of a dead agent to `self._was_dead_step(action)`",
     looks_at="an agent that ends, in an episode played to its last None turn",
 )
-def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The loop over agents goes through: `last()` and the None steps of the dead raise nothing.
 
     `for agent in env.agent_iter()` asks whoever is in turn for `last()`, an agent that has just
@@ -311,38 +258,27 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Iterat
     `agents`; a step of the living that raises is another promise.
 
     Bad:
-    ```python
-    def observe(self, agent):
-        return self.views[agent]              # whose entry went with its end
-    ```
+        def observe(self, agent):
+            return self.views[agent]              # whose entry went with its end
+
     Good:
-    ```python
-    def observe(self, agent):
-        return self.views.get(agent, self.blank)
-    ```
+        def observe(self, agent):
+            return self.views.get(agent, self.blank)
     """
     for look in evidence.looks.get("rollout", ()):
         raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)
         selected = [] if named is None else named.value.turns
         if raised is None:
-            yield Case(_end(look), True)
+            yield Case(_trace(look).at(None, None, "raised"), True)
         elif selected and selected[-1][1] and _is_of_the_loop(look, raised.value):
             agent = selected[-1][0]
-            yield Case(
-                _trace(look).at(raised.where.turn, agent, "raised"),
-                False,
-                EXPECTED,
-                f"{raised.value.kind}: {raised.value.text}",
-                proof=SHOWN[raised.value.call],
-            )
+            where = _trace(look).at(raised.where.turn, agent, "raised")
+            seen = f"{raised.value.kind}: {raised.value.text}"
+            yield Case(where, False, EXPECTED, seen, SHOWN[raised.value.call])
 
 
 def _trace(look: ProbeRun) -> Episode:
     return look.traces[0]
-
-
-def _end(look: ProbeRun) -> Any:
-    return _trace(look).at(None, None, "raised")
 
 
 def _is_of_the_loop(look: ProbeRun, raised: RaisedCall) -> bool:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gamekeeper.checks.check import MEDIUM, Case, check
+from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import agents_fare_alike
@@ -148,7 +148,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_declared,
     looks_at="six episodes or more that two agents or more of a symmetric role begin",
 )
-def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents of a role that is declared symmetric are interchangeable: names don't decide.
 
     One policy for all agents of a role, and swapping them in evaluation, rely on it. A hidden
@@ -161,13 +161,11 @@ def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> 
     random play doesn't show is not seen.
 
     Bad:
-
         for agent in self.agents:              # the lowest index always gets the sample
             if self.cells[agent] in self.samples:
                 self.collect(agent)
 
     Good:
-
         for agent in self.rng.permutation(self.agents):
             if self.cells[agent] in self.samples:
                 self.collect(agent)

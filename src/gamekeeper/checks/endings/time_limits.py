@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, Case, check
+from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.ended_agents import ticks_before
 from gamekeeper.checks.facts.surface_facts import TimeLimits
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -41,7 +41,7 @@ def _no_horizon(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_horizon,
     looks_at="an episode that reaches the declared horizon: a larger --budget plays longer",
 )
-def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode that reaches its declared horizon is truncated there: not terminated, not later.
 
     A time limit is no rule of the game: a learner that is told of a termination values the last
@@ -66,23 +66,16 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
             acting = [agent for agent in turn.order if agent not in turn.ended]
             is_late = tick >= horizon if api == "parallel" else tick > horizon
             if is_late and acting:
-                yield Case(
-                    trace.at(turn, None, "agents"),
-                    False,
-                    f"the end after {horizon} ticks",
-                    f"{', '.join(acting)} acted in tick {max(tick, horizon + 1)}",
-                    proof=OVER[api],
-                )
+                where = trace.at(turn, None, "agents")
+                seen = f"{', '.join(acting)} acted in tick {max(tick, horizon + 1)}"
+                yield Case(where, False, f"the end after {horizon} ticks", seen, OVER[api])
                 break
             early = _cut(turn)
             if early and tick < horizon and not by_rule:
-                yield Case(
-                    trace.at(turn, early[0], "truncations"),
-                    False,
-                    f"nobody before tick {horizon}",
-                    f"truncated after {tick}",
-                    proof=reproducer_of(no_truncation_alone, api=api),
-                )
+                where = trace.at(turn, early[0], "truncations")
+                expected = f"nobody before tick {horizon}"
+                proof = reproducer_of(no_truncation_alone, api=api)
+                yield Case(where, False, expected, f"truncated after {tick}", proof)
                 break
             if tick == horizon and turn.ended:
                 is_truncated = is_truncated or bool(early)
@@ -103,7 +96,7 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
         yield from ended_by_rule
 
 
-def _other_limit(contract: Contract, evidence: ProbeEvidence, horizon: int) -> Iterator[Case]:
+def _other_limit(contract: Contract, evidence: ProbeEvidence, horizon: int) -> Cases:
     """Whole episodes that all end in one tick before the horizon, for no declared reason."""
     api = evidence.api
     ends: list[tuple[Episode, Turn, int]] = []
@@ -169,7 +162,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     looks_at="an episode that reaches an attribute, constant or parameter called like a limit, "
     "such as `max_steps`: raise --budget, or declare the horizon in a contract",
 )
-def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A time limit truncates an episode, it doesn't terminate it.
 
     Learners bootstrap past a truncation, and not past a termination: told the one for the other
@@ -221,7 +214,7 @@ def _lasts_longer(api: str, trace: Episode, limit: int) -> bool:
     )
 
 
-def _at_the_limit(api: str, trace: Episode, limits: Mapping[str, int]) -> Iterator[Case]:
+def _at_the_limit(api: str, trace: Episode, limits: Mapping[str, int]) -> Cases:
     """The turn, if there is one, at which a limit is met and somebody ends."""
     for turn, tick in ticks_before(trace, api):
         names = [name for name, value in limits.items() if value == tick]
@@ -273,9 +266,7 @@ def _no_ending_kind(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_ending_kind,
     looks_at="an ending that the contract declares",
 )
-def endings_are_of_their_declared_kind(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def endings_are_of_their_declared_kind(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An ending that is declared a truncation truncates, one declared a termination terminates.
 
     A learner bootstraps past a truncation and not past a termination: told the one for the other
@@ -295,13 +286,10 @@ def endings_are_of_their_declared_kind(
                     continue
                 flag = FLAGS[declared.kind]
                 other = next(kind for kind in FLAGS if kind != declared.kind)
-                yield Case(
-                    trace.at(turn, agent, "endings"),
-                    bool(getattr(turn, flag).get(agent)),
-                    f"a {declared.kind} by {reason!r}",
-                    f"a {other}",
-                    proof=_proof(evidence.api, agent, declared.kind),
-                )
+                where = trace.at(turn, agent, "endings")
+                is_ok = bool(getattr(turn, flag).get(agent))
+                proof = _proof(evidence.api, agent, declared.kind)
+                yield Case(where, is_ok, f"a {declared.kind} by {reason!r}", f"a {other}", proof)
 
 
 def _proof(api: str, agent: str, kind: str) -> Reproducer:

@@ -8,11 +8,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class LastRewards:
-    """Rewards of `last()`.
-
-    Attributes:
-        turns: by turn, where it is a number.
-    """
+    """Rewards of `last()` by turn, where they are numbers."""
 
     turns: dict[int, Any]
 

@@ -128,10 +128,6 @@ class FormError:
 
 @dataclass(frozen=True, slots=True)
 class UnsettledMoves:
-    """An unchanged rerun that differs, so nothing could be said of moves from there on.
-
-    Attributes:
-        turn: env step from which the rerun differs.
-    """
+    """Env step from which an unchanged rerun differs: nothing can be said of moves after it."""
 
     turn: int

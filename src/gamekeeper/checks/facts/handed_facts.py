@@ -77,17 +77,8 @@ class HandedActions:
     changed: ChangedArgument | None
 
 
-@dataclass(frozen=True, slots=True)
-class HandedOptions:
-    """Options of a reset, beside what they were before.
-
-    Attributes:
-        looks: how many.
-        changed: where they changed.
-    """
-
-    looks: int
-    changed: ChangedArgument | None
+class HandedOptions(HandedActions):
+    """Options of a reset, beside what they were before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +96,7 @@ class WrittenValues:
 
 @dataclass(frozen=True, slots=True)
 class OfferedCalls:
-    """Calls that the environment answers.
-
-    Attributes:
-        kinds: of calls.
-    """
+    """Kinds of calls that the environment answers."""
 
     kinds: list[str]
 

@@ -36,11 +36,7 @@ class LaterReset:
 
 @dataclass(frozen=True, slots=True)
 class IgnoredResets:
-    """Resets in the midst of an episode.
-
-    Attributes:
-        is_ignored: whether all gave what stood there before.
-    """
+    """Resets in mid-episode; ignored where all of them gave what stood there before."""
 
     is_ignored: bool
 
@@ -75,34 +71,17 @@ class IteratedAgents:
 
 @dataclass(frozen=True, slots=True)
 class ResetArguments:
-    """Resets with arguments.
-
-    Attributes:
-        raised: by arguments in words.
-    """
+    """Exceptions that resets raised, by their arguments in words."""
 
     raised: dict[str, str | None]
 
 
-@dataclass(frozen=True, slots=True)
-class StepBeforeReset:
-    """A step before any reset.
-
-    Attributes:
-        raised: the class of the exception.
-        gave: what came of it, in words; empty where nothing did.
-    """
-
-    raised: str | None
-    gave: str
+class StepBeforeReset(StepAfterEnd):
+    """A step before any reset."""
 
 
 @dataclass(frozen=True, slots=True)
 class Closings:
-    """Calls of `close`.
-
-    Attributes:
-        raised: by when.
-    """
+    """Exceptions that `close` raised, by the time of the call."""
 
     raised: dict[str, str | None]

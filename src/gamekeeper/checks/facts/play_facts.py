@@ -25,21 +25,16 @@ class MoverTrial:
 
 @dataclass(frozen=True, slots=True)
 class TurnRosters:
-    """Rosters of a rollout.
-
-    Attributes:
-        turns: after the reset and after each env step.
-    """
+    """Rosters of a rollout: after the reset and after each env step."""
 
     turns: list[list[str]]
 
 
 @dataclass(frozen=True, slots=True)
 class SelectedAgents:
-    """Agents that `agent_selection` named, before each turn and after the last.
+    """Agents that `agent_selection` named before each turn and after the last.
 
-    Attributes:
-        turns: the name, and whether it stood in `agents`.
+    Each with its name, and if it stood in `agents`.
     """
 
     turns: list[tuple[str | None, bool]]
@@ -64,33 +59,21 @@ class RaisedCall:
 
 @dataclass(frozen=True, slots=True)
 class StateForms:
-    """Forms of the arrays that `state()` gave in a rollout.
-
-    Attributes:
-        answers: the first answer of each form.
-    """
+    """The first answer of each form that `state()` gave in a rollout."""
 
     answers: list[StateAnswer]
 
 
 @dataclass(frozen=True, slots=True)
 class AgentNames:
-    """Agents of a play, in the order of `possible_agents` and then of appearance.
-
-    Attributes:
-        names: text and type of each agent's identity.
-    """
+    """Text and type of each agent: of `possible_agents` in their order, then as they appeared."""
 
     names: list[list[str]]
 
 
 @dataclass(frozen=True, slots=True)
 class UnwrittenActions:
-    """Actions that couldn't be taken from the evidence.
-
-    Attributes:
-        reason: why, in words.
-    """
+    """Reason why actions couldn't be taken from the evidence, in words."""
 
     reason: str
 

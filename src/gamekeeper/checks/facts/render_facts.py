@@ -53,83 +53,53 @@ class BuiltMode:
 
 
 @dataclass(frozen=True, slots=True)
-class FilmedPlay:
-    """A filmed play.
+class RenderedMode:
+    """An instance in a render mode.
 
     Attributes:
-        mode: the render mode.
+        mode: its name.
         options: for the factory.
-        moves: turns at which an agent's observation changed.
-        shots: by turn.
     """
 
     mode: str
     options: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class FilmedPlay(RenderedMode):
+    """A filmed play.
+
+    Attributes:
+        moves: turns at which an agent's observation changed.
+        shots: by turn.
+    """
+
     moves: int
     shots: list[Shot]
 
 
 @dataclass(frozen=True, slots=True)
-class ChangedFrames:
-    """Frames that are no longer what they were when they were handed out.
+class ChangedFrames(RenderedMode):
+    """Turns of frames that aren't what they were when handed out, of how many that were kept."""
 
-    Attributes:
-        mode: the render mode.
-        options: for the factory.
-        turns: of the frames that changed.
-        count: of the frames that were kept.
-    """
-
-    mode: str
-    options: dict[str, Any]
     turns: list[int]
     count: int
 
 
-@dataclass(frozen=True, slots=True)
-class WrittenFrames:
-    """Frames after the one before was written into.
-
-    Attributes:
-        mode: the render mode.
-        options: for the factory.
-        turns: of the frames that were others.
-        count: of all.
-    """
-
-    mode: str
-    options: dict[str, Any]
-    turns: list[int]
-    count: int
+class WrittenFrames(ChangedFrames):
+    """Turns of frames that differ as the one before was written into, of how many."""
 
 
 @dataclass(frozen=True, slots=True)
-class FirstFrame:
-    """The first frame that an instance was asked for.
+class FirstFrame(RenderedMode):
+    """Digest of the first frame that an instance was asked for, and the turn of that."""
 
-    Attributes:
-        mode: the render mode.
-        options: for the factory.
-        turn: at which it was asked for.
-        digest: of the frame.
-    """
-
-    mode: str
-    options: dict[str, Any]
     turn: int
     digest: str | None
 
 
 @dataclass(frozen=True, slots=True)
-class SecondFrame:
-    """The frame after a second reset with the same seed, where plays repeat.
+class SecondFrame(RenderedMode):
+    """Digest of the frame after a second reset with the same seed, where plays repeat."""
 
-    Attributes:
-        mode: the render mode.
-        options: for the factory.
-        digest: of the frame.
-    """
-
-    mode: str
-    options: dict[str, Any]
     digest: str | None

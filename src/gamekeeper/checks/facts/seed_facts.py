@@ -8,56 +8,37 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class SpecialRefused:
-    """A special seed that a reset refused.
-
-    Attributes:
-        text: what it raised.
-    """
+    """Exception that a reset raised at a special seed."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class PlainSeed:
-    """A plain seed, beside a special one that fails.
-
-    Attributes:
-        is_fine: whether all goes well with it.
-    """
+    """A plain seed, beside a special one that fails: does all go well with it."""
 
     is_fine: bool
 
 
 @dataclass(frozen=True, slots=True)
 class SeededPlays:
-    """Plays of seeds in a row, each in a fresh instance where there is one.
-
-    Attributes:
-        digests: of the plays.
-    """
+    """Digests of plays of seeds in a row, each in a fresh instance where there is one."""
 
     digests: list[str]
 
 
 @dataclass(frozen=True, slots=True)
 class UnseededPlays:
-    """Plays of resets without a seed that follow on one with, in one instance.
-
-    Attributes:
-        digests: of the plays.
-    """
+    """Digests of plays of resets without a seed that follow on one with, in one instance."""
 
     digests: list[str]
 
 
 @dataclass(frozen=True, slots=True)
 class UnseededOpenings:
-    """Resets without a seed and without a step between.
+    """What resets gave without a seed and without a step between.
 
     Only where all seeded plays are equal and unseeded ones aren't.
-
-    Attributes:
-        openings: what they gave.
     """
 
     openings: list[str]
@@ -65,10 +46,9 @@ class UnseededOpenings:
 
 @dataclass(frozen=True, slots=True)
 class PlayElsewhere:
-    """A play whose generators stand elsewhere; only where all plays are equal.
+    """Difference, in words, of a play whose generators stand elsewhere; None where it is the same.
 
-    Attributes:
-        difference: how it goes, in words; None where it is the same.
+    Only where all plays are equal.
     """
 
     difference: str | None
@@ -102,11 +82,7 @@ class LaterSeeds:
 
 @dataclass(frozen=True, slots=True)
 class UnmovedGenerator:
-    """A global generator that nothing moved.
-
-    Attributes:
-        generator: its name.
-    """
+    """Name of a global generator that nothing moved."""
 
     generator: str
 
@@ -139,11 +115,7 @@ class OtherInstance:
 
 @dataclass(frozen=True, slots=True)
 class HashSeed:
-    """The hash seed of the other process, beside a counterfactual that differs.
-
-    Attributes:
-        seed: the number.
-    """
+    """The hash seed of the other process, beside a counterfactual that differs."""
 
     seed: int
 
@@ -152,8 +124,7 @@ class HashSeed:
 class SettledElsewhere:
     """New processes with one hash seed, beside an unchanged rerun that differs.
 
-    Attributes:
-        is_settled: whether they agree, more of them than chance lets agree.
+    Settled where they agree, more of them than chance lets agree.
     """
 
     is_settled: bool

@@ -46,11 +46,7 @@ class ChangedSpace:
 
 @dataclass(frozen=True, slots=True)
 class SpaceFaults:
-    """Faults of a space's making.
-
-    Attributes:
-        faults: what, in words.
-    """
+    """Faults of a space's making, in words."""
 
     faults: list[str]
 
@@ -85,11 +81,7 @@ class OthersView:
 
 @dataclass(frozen=True, slots=True)
 class PickledInfo:
-    """A live agent's info, pickled.
-
-    Attributes:
-        unpicklable: why it can't be pickled.
-    """
+    """Reason why a live agent's info can't be pickled; None where it can."""
 
     unpicklable: str | None
 

@@ -67,12 +67,9 @@ class StateAnswers:
 
 @dataclass(frozen=True, slots=True)
 class UsedState:
-    """The second of two equal episodes of an instance.
+    """Turn of the first state that differs in the second of an instance's two equal episodes.
 
     Only where a state asked twice is the same.
-
-    Attributes:
-        turn: of the first other state.
     """
 
     turn: int | None

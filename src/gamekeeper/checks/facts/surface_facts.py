@@ -43,23 +43,16 @@ class LiveRosters:
 
 @dataclass(frozen=True, slots=True)
 class RosterKinds:
-    """Types of the rosters.
-
-    Attributes:
-        kinds: turn and types of `agents` and `possible_agents`, after the reset and wherever they
-            change.
-    """
+    """Turn and types of `agents` and `possible_agents`, after a reset and wherever they change."""
 
     kinds: list[tuple[int, list[str]]]
 
 
 @dataclass(frozen=True, slots=True)
 class AgentCounts:
-    """Counts of agents as the environment gives them.
+    """Counts by turn: num_agents, max_num_agents, and the sizes of `agents` and `possible_agents`.
 
-    Attributes:
-        turns: by turn: num_agents, max_num_agents (None where it gives none), and the sizes of
-            `agents` and `possible_agents`.
+    max_num_agents is None where the environment gives none.
     """
 
     turns: list[list[Any]]
@@ -94,11 +87,7 @@ class TurnBooks:
 
 @dataclass(frozen=True, slots=True)
 class BookEntries:
-    """Agents of which an AEC environment's books speak.
-
-    Attributes:
-        turns: by turn.
-    """
+    """Agents of which an AEC environment's books speak, by turn."""
 
     turns: list[TurnBooks]
 
@@ -107,8 +96,7 @@ class BookEntries:
 class TimeLimits:
     """Whole numbers that an environment holds from the reset to the end of a play.
 
-    Attributes:
-        limits: by name, where it sounds like a limit of time.
+    By name, where it sounds like a limit of time.
     """
 
     limits: dict[str, int]
@@ -116,11 +104,7 @@ class TimeLimits:
 
 @dataclass(frozen=True, slots=True)
 class FlaggedAgents:
-    """Agents whose flags are up right after a reset of an AEC environment.
-
-    Attributes:
-        resets: after the first, second and third reset.
-    """
+    """Agents of an AEC environment whose flags are up right after its first three resets."""
 
     resets: list[list[str]]
 

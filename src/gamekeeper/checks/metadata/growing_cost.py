@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from statistics import mean, stdev
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import LOW, Case, check
+from gamekeeper.checks.check import LOW, Case, Cases, check
 from gamekeeper.checks.facts.cost_facts import EpisodeWork, TurnWork
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import text_of
@@ -67,7 +67,7 @@ assert last[{column}] < 2 * first[{column}], ('lines and bytes a step, first and
     "again",
     looks_at="an episode of 40 turns or more",
 )
-def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of a step doesn't grow with the length of the episode.
 
     A step, or an observation, that goes through the whole history makes an episode's cost
@@ -98,13 +98,9 @@ def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -
             plays=False,
             imports=("sys", "tracemalloc"),
         )
-        yield Case(
-            _where(plays[0].where, name),
-            not is_growing,
-            f"about {first} {STEP_COST_WORDS[name]}",
-            f"{last} after {len(plays[0].value.live)} turns",
-            proof=proof,
-        )
+        where = _where(plays[0].where, name)
+        seen = f"{last} after {len(plays[0].value.live)} turns"
+        yield Case(where, not is_growing, f"about {first} {STEP_COST_WORDS[name]}", seen, proof)
 
 
 def _by_agent(work: TurnWork, name: str) -> list[float]:
@@ -140,7 +136,7 @@ assert costs[-1][{column}] < 1.1 * costs[0][{column}], ('lines and bytes by epis
     fix="empty in reset() what step() has gathered",
     looks_at="several episodes, one after the other, that were played to their end",
 )
-def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of an episode doesn't grow with the number of episodes before it.
 
     Otherwise training becomes slower day by day, although nothing of the game has changed. One
@@ -165,13 +161,10 @@ def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Itera
             proof = Reproducer(
                 text_of(work)[0] + lines, plays=False, imports=("sys", "tracemalloc")
             )
-            yield Case(
-                replace(fact.where, field=f"episodes.{name}"),
-                not is_growing,
-                f"about {costs[0]} {EPISODE_COST_WORDS[name]} an episode",
-                f"{costs[-1]} after {len(costs)} more",
-                proof=proof,
-            )
+            where = replace(fact.where, field=f"episodes.{name}")
+            is_ok = not is_growing
+            expected = f"about {costs[0]} {EPISODE_COST_WORDS[name]} an episode"
+            yield Case(where, is_ok, expected, f"{costs[-1]} after {len(costs)} more", proof)
 
 
 EPISODE_MEMORY_WARM: Final = 4
@@ -208,7 +201,7 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
     fix="let go in reset() of what belongs to an episode",
     looks_at="several episodes, one after the other, that were played to their end",
 )
-def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode leaves no memory behind: what is in use doesn't grow from episode to episode.
 
     A leak ends a long training run after hours. One short play is repeated from the same seed in
@@ -264,7 +257,7 @@ assert np.median(np.diff(sizes)) < 32768, ('bytes in use after each step', sizes
     fix="keep what the rules need of the past, not whole observations or pictures",
     looks_at="an episode of 40 turns or more",
 )
-def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step keeps no more than 32 kB of memory until the end of the episode.
 
     Many copies of the environment run at once, and each would hold a whole film of its episode. A
@@ -285,10 +278,6 @@ def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
             proof = Reproducer(
                 STEP_MEMORY_PROOF.format(look=look), plays=False, imports=("gc", "tracemalloc")
             )
-            yield Case(
-                replace(fact.where, field="step.memory"),
-                middle < LEAST_BYTES,
-                f"less than {LEAST_BYTES} bytes a step",
-                f"{middle} bytes a step",
-                proof=proof,
-            )
+            where = replace(fact.where, field="step.memory")
+            expected = f"less than {LEAST_BYTES} bytes a step"
+            yield Case(where, middle < LEAST_BYTES, expected, f"{middle} bytes a step", proof)

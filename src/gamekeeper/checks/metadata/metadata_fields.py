@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import LOW, Case, check
+from gamekeeper.checks.check import LOW, Case, Cases, check
 from gamekeeper.checks.facts.surface_facts import LaterMetadata, Metadata
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -21,7 +20,7 @@ NAME_PROOF = "name = make().metadata.get('name')\nassert isinstance(name, str) a
 
 
 @check("GK821", needs=("metadata",), severity=LOW, fix='metadata = {"name": "farm_v0", ...}')
-def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Metadata is a dictionary and has the environment's name, as text.
 
     Results and videos are filed under it. Nothing in PettingZoo stops without: `str(env)` then is
@@ -49,7 +48,7 @@ def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) 
     "knows",
     looks_at='the entry "render_modes" of the metadata, or a render mode of the environment',
 )
-def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """metadata["render_modes"] is a list of texts, and has the mode that is in use.
 
     Tools choose a mode from it. Having none to choose from is no fault as long as nothing renders.
@@ -91,7 +90,7 @@ FPS_PROOF: Final = (
     fix='metadata = {"render_fps": 10, ...}',
     looks_at="a render mode that gives pictures, such as rgb_array",
 )
-def pictures_have_a_rate(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def pictures_have_a_rate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An environment that renders pictures says in metadata["render_fps"] how many make a second.
 
     Recorders read it; where it is missing they guess (PettingZoo's take 30, which shows a board
@@ -128,7 +127,7 @@ def _is_rate(fps: Any) -> bool:
     severity=LOW,
     fix="copy the dictionary before changing it: self.metadata = {**self.metadata, ...}",
 )
-def metadata_stays(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def metadata_stays(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Metadata doesn't change while the environment is used, nor when another instance is built.
 
     It stands on the class: what one instance writes there, all others say from then on.
@@ -172,7 +171,7 @@ PARALLELIZABLE_PROOF: Final = (
     fix='metadata = {"is_parallelizable": False, ...}',
     looks_at='the entry "is_parallelizable" of the metadata',
 )
-def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """metadata["is_parallelizable"], where it is there, is True or False.
 
     A converter asks whether it is true: the text "False" is.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
-from gamekeeper.checks.check import MEDIUM, Case, check
+from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.play_facts import StateForms
 from gamekeeper.checks.facts.state_facts import (
     LateState,
@@ -73,7 +73,7 @@ def answer_at(fact: Fact[Any], answer: StateAnswer, field: str = "state") -> Whe
     fix="make state() of one shape, whoever is still alive, and declare it in state_space",
     applies=stateless,
 )
-def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() has the shape of state_space, and without one a shape that it keeps.
 
     A critic's network has one input. Rows of agents that have ended are zero, not gone.
@@ -107,7 +107,7 @@ def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iter
     fix="state().astype(self.state_space.dtype)",
     applies=stateless,
 )
-def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() has the dtype of state_space, and without one a dtype that it keeps.
 
     Buffers are allocated after the space: a float64 loses digits in them, or is refused.
@@ -145,7 +145,7 @@ NUMBER = "state = env.state()\nassert not np.isnan(state).any(), state"
     fix="scale state(), or widen state_space to what it can be; keep NaN out of both",
     applies=stateless,
 )
-def states_are_within_bounds(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_are_within_bounds(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() lies within the bounds of state_space, and is never NaN.
 
     Normalisation relies on the bounds; one NaN makes a critic's weights NaN for good.
@@ -189,7 +189,7 @@ STATE_TWICE_PROOF = (
     "step()",
     applies=stateless,
 )
-def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() says the same when it is asked twice at one moment: it neither draws nor counts.
 
     A value that differs from one call to the next isn't the game's state; if it is drawn from the
@@ -217,7 +217,7 @@ def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence)
     fix="forget in reset() whatever state() keeps",
     applies=stateless,
 )
-def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() is of this episode alone: after a reset nothing of the last one stands in it.
 
     The same play is played twice in one instance. Where all observations and rewards are equal, so
@@ -252,7 +252,7 @@ LEAST_MOVES: Final = 8
     fix="make state() from what step() changes",
     applies=stateless,
 )
-def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() follows the game: while observations change over a whole play, it does too.
 
     A central critic learns nothing from a state that stands still. Only plays in which somebody's
@@ -291,7 +291,7 @@ LEAST_TRIALS: Final = 4
     fix="make state() of what the step has led to, not of what it came from",
     applies=stateless,
 )
-def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() shows what a step has done at once, not a turn late.
 
     Another legal action is played at one turn. Where observations show the difference at once in
@@ -325,7 +325,7 @@ def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Iterator
     fix="let state() answer at any time after reset(), whoever is still alive",
     applies=stateless,
 )
-def states_answer_all_along(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def states_answer_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() answers at every turn of a play, once it is there at all.
 
     Collectors ask for it after every step. What it does once the episode is over isn't judged.

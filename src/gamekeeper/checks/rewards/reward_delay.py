@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import MEDIUM, Case, check
+from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import by_turn, changed_numbers
 from gamekeeper.checks.facts.play_facts import PaymentTime
 from gamekeeper.checks.literal import literal
@@ -72,7 +72,7 @@ class _Trial:
 )
 def rewards_come_with_the_tick_that_earns_them(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """A reward comes with the step that earns it, not one step later.
 
     Rewards that come one step late credit every action with what the one before it earned, and the
@@ -100,13 +100,11 @@ def rewards_come_with_the_tick_that_earns_them(
     afterwards, or one that moves with it.
 
     Bad:
-
         rewards = {a: self.reward(a) for a in self.agents}
         for agent in self.agents:
             self.move(agent, actions[agent])
 
     Good:
-
         for agent in self.agents:
             self.move(agent, actions[agent])
         rewards = {a: self.reward(a) for a in self.agents}
@@ -127,7 +125,7 @@ def _parts(evidence: ProbeEvidence) -> tuple[str | None, ...]:
     return tuple(sorted(found)) or (None,)
 
 
-def _judged(evidence: ProbeEvidence, part: str | None) -> Iterator[Case]:
+def _judged(evidence: ProbeEvidence, part: str | None) -> Cases:
     trials = []
     for counterfactual in evidence.counterfactuals("influence"):
         if int(counterfactual.change["later"]) >= 2:
@@ -171,10 +169,8 @@ def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _
     agent, start = str(counterfactual.change["agent"]), int(counterfactual.change["turn"])
     noise = counterfactual.noise
     end = None if noise is None else (noise.turn or 0)
-    base, changed = (
-        by_turn(counterfactual.base, start, end),
-        by_turn(counterfactual.trace, start, end),
-    )
+    base = by_turn(counterfactual.base, start, end)
+    changed = by_turn(counterfactual.trace, start, end)
     if api == "parallel":
         pairs = [(base.get(start + k), changed.get(start + k)) for k in (1, 2)]
     else:
@@ -245,7 +241,7 @@ def _by_size(facts: Sequence[Fact[PaymentTime]]) -> Iterator[Sequence[Fact[Payme
         yield group
 
 
-def _rare(api: str, facts: Sequence[Fact[PaymentTime]]) -> Iterator[Case]:
+def _rare(api: str, facts: Sequence[Fact[PaymentTime]]) -> Cases:
     """Cases of unusual payments of one size: on time, or one tick late, all of them."""
     late = [fact for fact in facts if fact.value.decided is not None]
     on_time = [fact for fact in facts if fact.value.is_on_time]
@@ -324,13 +320,9 @@ def _case(trial: _Trial, *, ok: bool, api: str, part: str | None) -> Case:
     field = "cumulative_reward" if part is None else f"terms[{part!r}]"
     where: Where = trial.counterfactual.base.at(turn + 2, agent, field)
     reward = "reward" if part is None else f"{part!r}"
-    return Case(
-        where,
-        ok,
-        f"what an agent does moves its {reward} of the same step, if any",
-        f"what it does at turn {turn} moves nobody's {reward} of that step, only its next one",
-        proof=proof,
-    )
+    expected = f"what an agent does moves its {reward} of the same step, if any"
+    seen = f"what it does at turn {turn} moves nobody's {reward} of that step, only its next one"
+    return Case(where, ok, expected, seen, proof)
 
 
 def _proof(agent: str, turn: int, action: Any, part: str | None) -> Reproducer:

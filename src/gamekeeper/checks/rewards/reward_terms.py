@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.facts.play_facts import Payment
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
@@ -82,22 +82,19 @@ def _no_sum(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_sum,
     looks_at="reward terms that the contract declares and the environment tells",
 )
-def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The declared reward terms add up to the reward: nothing is paid beside them.
 
     Attribution and the report tell who earned what by term; a part that has no term is credited to
     nobody.
 
     Bad:
-    ```python
-    self.add_reward(agent, 1.0, term="delivery")
-    self.rewards[agent] += bonus              # under no term
-    ```
+        self.add_reward(agent, 1.0, term="delivery")
+        self.rewards[agent] += bonus              # under no term
+
     Good:
-    ```python
-    self.add_reward(agent, 1.0, term="delivery")
-    self.add_reward(agent, bonus, term="bonus")      # declared: [rewards.bonus]
-    ```
+        self.add_reward(agent, 1.0, term="delivery")
+        self.add_reward(agent, bonus, term="bonus")      # declared: [rewards.bonus]
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -107,13 +104,10 @@ def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
                     continue
                 left = reward - sum(terms.values())
                 scale = abs(reward) + sum(map(abs, terms.values()))
-                yield Case(
-                    trace.at(turn, agent, "terms"),
-                    is_zero(left, scale),
-                    f"{reward!r}, the reward",
-                    f"{dict(terms)!r}, which leaves {left!r}",
-                    proof=_sum_proof(evidence.api, agent),
-                )
+                where = trace.at(turn, agent, "terms")
+                seen = f"{dict(terms)!r}, which leaves {left!r}"
+                proof = _sum_proof(evidence.api, agent)
+                yield Case(where, is_zero(left, scale), f"{reward!r}, the reward", seen, proof)
 
 
 def _sum_proof(api: str, agent: str) -> str:
@@ -144,22 +138,19 @@ def _no_shared_term(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_no_shared_term,
     looks_at="a payment of a term that is declared shared or zero-sum",
 )
-def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A shared reward term pays all its payees the same, and a zero-sum term's payments sum to 0.
 
     Looked at in every step, among payees that hadn't ended before it. Methods for teams assume one
     common reward, methods for two players that one's gain is the other's loss.
 
     Bad:
-    ```toml
-    [rewards.delivery]
-    kind = "shared"                           # and only who delivers is paid
-    ```
+        [rewards.delivery]
+        kind = "shared"                           # and only who delivers is paid
+
     Good:
-    ```python
-    for agent in self.agents:
-        self.add_reward(agent, 1.0, term="delivery")
-    ```
+        for agent in self.agents:
+            self.add_reward(agent, 1.0, term="delivery")
     """
     for paid in all_paid(contract, evidence):
         for name, term in contract.rewards.items():
@@ -167,9 +158,7 @@ def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) ->
                 yield from _look(contract, evidence.api, paid, name, term)
 
 
-def _look(
-    contract: Contract, api: str, paid: PaidTerms, name: str, term: RewardTerm
-) -> Iterator[Case]:
+def _look(contract: Contract, api: str, paid: PaidTerms, name: str, term: RewardTerm) -> Cases:
     values = {
         agent: paid.terms[name].get(agent, 0.0)
         for agent in sorted(paid.payable)
@@ -224,9 +213,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     confidence=0.9,
     applies=_declared,
 )
-def individual_terms_land_on_who_earned_them(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def individual_terms_land_on_who_earned_them(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An individual reward or penalty lands on the agent that brought it about, on no other.
 
     An agent that is paid for what another does learns nothing from it, and the other isn't told.
@@ -239,12 +226,10 @@ def individual_terms_land_on_who_earned_them(
     looks right.
 
     Bad:
-
         if self.occupied(target):
             self.penalties[self.standing_on(target)] -= 1   # who was bumped into pays
 
     Good:
-
         if self.occupied(target):
             self.penalties[agent] -= 1                      # who drove pays
     """

@@ -1,18 +1,317 @@
-"""Checks of rewards: numbers, made anew, and 0 after the end."""
+"""Checks of rewards: numbers, made anew, told once and in full by `last()`, and 0 after the end."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any, Final
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, TypeAlias
+
+import numpy as np
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
-from gamekeeper.checks.facts.aec_book_facts import MarkedReward
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
+from gamekeeper.checks.ended_agents import ended_in
+from gamekeeper.checks.facts.aec_book_facts import LastRewards, MarkedReward, OwedAfterReset
 from gamekeeper.checks.probe_evidence import ProbeEvidence
-from gamekeeper.checks.rewards.reward_ledger import is_dead_step
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import dead_steps_pay_nobody as dead_pay_stops
+from gamekeeper.checks.reproducers import rewards_add_up
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.episode import Turn
+from gamekeeper.episodes.episode import Episode, Turn
+
+Kind: TypeAlias = Literal["right", "carried", "again", "lost"]
+
+LEDGER_PRECISION: Final = 1e-5
+"""Precision, as a part of the sum of rewards: they may be float32 and be summed as such."""
+MOST_TIMES: Final = 4
+"""A reward that is told so often, or less, is told again; what is more is something else."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToldReward:
+    """Cumulative reward that `last()` gave an agent at its turn, beside the sum it should be.
+
+    Attributes:
+        trace: where.
+        turn: when.
+        agent: whom.
+        told: the reward of `last()`.
+        paid: its `rewards` since its own last turn, or since the reset.
+        carried: what it was told at its own last turn; 0 at its first.
+    """
+
+    trace: Episode
+    turn: int
+    agent: str
+    told: float
+    paid: tuple[float, ...]
+    carried: float
+
+    @property
+    def owed(self) -> float:
+        """The sum of what was paid."""
+        return sum(self.paid)
+
+    @property
+    def is_right(self) -> bool:
+        """It was told what it was owed, though the books may have been kept in float16."""
+        return self._is(self.owed) or self.told == _in_halves(self.paid)
+
+    @property
+    def looks_like(self) -> tuple[Kind, ...]:
+        """Kinds of fault that it may be by itself; small numbers fit more than one by chance."""
+        if self.is_right:
+            return ("right",)
+        is_carried = self.carried and self._is(self.owed + self.carried)
+        is_again = self.owed and any(self._is(n * self.owed) for n in range(2, MOST_TIMES + 1))
+        kinds: dict[Kind, bool] = {"carried": bool(is_carried), "again": bool(is_again)}
+        return tuple(kind for kind, is_it in kinds.items() if is_it)
+
+    def _is(self, value: float) -> bool:
+        scale = sum(map(abs, (*self.paid, self.told, self.carried)))
+        return math.isclose(self.told, value, abs_tol=LEDGER_PRECISION * scale)
+
+
+def _in_halves(paid: tuple[float, ...]) -> float | None:
+    """The sum as float16 has it, which is coarse; None where that is nothing."""
+    with np.errstate(over="ignore"):
+        return float(np.add.accumulate(np.array([0.0, *paid], np.float16))[-1]) or None
+
+
+def all_told(evidence: ProbeEvidence) -> Iterator[tuple[ToldReward, Kind]]:
+    """Every look at what an agent was told, where it was paid or told anything, and what it is.
+
+    Too much that names its cause (*carried*, *again*) is it where at least half of all that is
+    wrong looks alike; else it is *lost*, as what was owed didn't come.
+    """
+    looks = list(_all_told(evidence))
+    kinds = Counter(kind for told in looks for kind in told.looks_like)
+    wrong = len(looks) - kinds["right"]
+    for told in looks:
+        likely = max(told.looks_like, key=kinds.__getitem__, default=None)
+        is_it = likely == "right" or 2 * kinds[likely or "lost"] >= wrong
+        yield told, likely if likely is not None and is_it else "lost"
+
+
+def _all_told(evidence: ProbeEvidence) -> Iterator[ToldReward]:
+    for trace in evidence["rollout"]:
+        yield from _told(trace, {})
+    says = [fact.value.turns for fact in evidence.facts(LastRewards)]
+    for trace, last in zip(evidence["books"], says, strict=False):
+        yield from _told(trace, last)
+
+
+def is_dead_step(turn: Turn) -> bool:
+    """Tells whether the turn is the None turn of an agent that had ended."""
+    return bool(turn.order) and turn.order[0] in ended_in(turn)
+
+
+@dataclass(slots=True)
+class _Account:
+    """One agent's account; `is_sure`: all that went in is known."""
+
+    paid: list[float] = field(default_factory=list)
+    carried: float = 0.0
+    is_sure: bool = True
+
+
+@dataclass(slots=True)
+class _Ledger:
+    """The accounts of one play."""
+
+    accounts: dict[str, _Account] = field(default_factory=dict)
+
+    def of(self, agent: str) -> _Account:
+        """The agent's account, a fresh one at first."""
+        return self.accounts.setdefault(agent, _Account())
+
+    def book(self, turn: Turn) -> None:
+        """Notes what a step paid; what a dead step leaves standing is nobody's pay."""
+        is_dead = is_dead_step(turn)
+        for agent, reward in turn.rewards.items():
+            account = self.of(agent)
+            if is_dead or not math.isfinite(reward):
+                account.is_sure = account.is_sure and not reward
+                continue
+            account.paid.append(reward)
+        for agent, fields in turn.nonconforming.items():
+            if "reward" in fields:
+                self.of(agent).is_sure = False
+
+
+def _told(trace: Episode, last: Mapping[int, Any]) -> Iterator[ToldReward]:
+    """The looks of one play; `last` has what `last()` itself said, by turn, where that is known."""
+    ledger = _Ledger()
+    for turn in trace.turns:
+        agent = turn.order[0] if turn.order else next(iter(turn.cumulative_reward), None)
+        if agent is None:
+            continue
+        told, account = last.get(turn.index, turn.cumulative_reward.get(agent)), ledger.of(agent)
+        is_known = isinstance(told, int | float) and math.isfinite(told)
+        if is_known and account.is_sure and (told or sum(account.paid) or account.carried):
+            yield ToldReward(trace, turn.index, agent, told, tuple(account.paid), account.carried)
+        ledger.accounts[agent] = _Account(carried=told if is_known else 0.0)
+        ledger.book(turn)
+
+
+@check(
+    "GK403",
+    needs=("rollout", "books"),
+    severity=HIGH,
+    api="aec",
+    fix="in step(): set `self._cumulative_rewards[agent] = 0` for the agent that acts, clear "
+    "`rewards`, set them, and call `self._accumulate_rewards()` last, on every path",
+)
+def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Every reward is accumulated: `last()` gives all that was paid since the agent's last turn.
+
+    Learners get their rewards from `last()`. Rewards that are set and never accumulated,
+    accumulated before they are set, or cleared before their agent's turn came, are lost to it or
+    come with the wrong turn; an ended agent reads its last reward at its None turn.
+
+    Bad:
+        self._accumulate_rewards()                # the old ones
+        self.rewards[agent] = 1.0
+
+    Good:
+        self._cumulative_rewards[agent] = 0       # who acts has been told
+        self._clear_rewards()
+        self.rewards[agent] = 1.0
+        self._accumulate_rewards()
+    """
+    for told, kind in all_told(evidence):
+        where = told.trace.at(told.turn, told.agent, "cumulative_reward")
+        expected = f"{told.owed!r}, the sum of `rewards` since its last turn"
+        seen = f"last() gives {told.told!r}"
+        yield Case(where, kind != "lost", expected, seen, reproducer_of(rewards_add_up))
+
+
+@check(
+    "GK404",
+    needs=("rollout", "books"),
+    severity=HIGH,
+    api="aec",
+    fix="set `self._cumulative_rewards[agent] = 0` for the agent that acts, before rewards are "
+    "accumulated, and accumulate once in a step",
+)
+def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """`last()` tells each reward once: cumulative rewards are cleared when their agent acts.
+
+    Where `_cumulative_rewards` isn't cleared, `last()` gives the return so far, and a learner
+    counts the first reward of an episode once for every turn; accumulated twice in a step, every
+    reward counts double.
+
+    Bad:
+        self.rewards[agent] = 1.0
+        self._accumulate_rewards()                # on top of what the agent has been told
+
+    Good:
+        self._cumulative_rewards[agent] = 0
+        self._clear_rewards()
+        self.rewards[agent] = 1.0
+        self._accumulate_rewards()
+    """
+    for told, kind in all_told(evidence):
+        more = {
+            "carried": f", with the {told.carried!r} that it gave at the turn before",
+            "again": ", the same more than once",
+        }.get(kind, "")
+        yield Case(
+            told.trace.at(told.turn, told.agent, "cumulative_reward"),
+            kind not in ("carried", "again"),
+            f"{told.owed!r}, the sum of `rewards` since its last turn",
+            f"last() gives {told.told!r}{more}",
+            proof=reproducer_of(rewards_add_up),
+        )
+
+
+RESET_DEBT_PROOF: Final = """\
+env.reset(seed=SEED)
+assert env.last()[1] == 0, env.last()[1]
+assert not any(env.rewards.values()), env.rewards
+assert not any(env._cumulative_rewards.values()), env._cumulative_rewards  # what last() reads"""
+
+
+@check(
+    "GK406",
+    needs=("books",),
+    severity=HIGH,
+    api="aec",
+    fix="in reset(): `self.rewards = dict.fromkeys(self.agents, 0.0)`, and the same for "
+    "`self._cumulative_rewards`",
+)
+def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """A reset clears `rewards` and what `last()` tells: nothing of the last episode is owed.
+
+    A reward of the episode before, told in the first turns of the next one, is credited to actions
+    that had nothing to do with it.
+
+    Bad:
+        def reset(self, seed=None, options=None):
+            self.agents = self.possible_agents[:]     # the books of the last episode stay
+
+    Good:
+        def reset(self, seed=None, options=None):
+            self.agents = self.possible_agents[:]
+            self.rewards = dict.fromkeys(self.agents, 0.0)
+            self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
+    """
+    for fact in evidence.facts(OwedAfterReset):
+        owed = fact.value
+        found = {"last": owed.last, "rewards": owed.rewards, "cumulative": owed.cumulative}
+        books = {name: left for name, left in found.items() if left}
+        seen = "; ".join(f"{name}: {left!r}" for name, left in books.items())
+        yield Case(fact.where, not books, "nothing owed after a reset", seen, RESET_DEBT_PROOF)
+
+
+@check(
+    "GK407",
+    needs=("rollout",),
+    severity=MEDIUM,
+    api="aec",
+    fix="clear `rewards` in the None step of a dead agent, as `self._was_dead_step(None)` does",
+    looks_at="a None turn of an agent that has ended",
+)
+def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The None step of a dead agent pays nobody: rewards from before it are cleared, not left over.
+
+    A reward that still stands in `rewards` after such a step is counted again by all code that sums
+    it up: a converter to the Parallel API, a recorder, a score.
+
+    Bad:
+        if self.terminations[agent]:
+            self.agents.remove(agent)             # `rewards` of the others is as it was
+            return
+
+    Good:
+        if self.terminations[agent]:
+            return self._was_dead_step(action)
+    """
+    for trace in evidence["rollout"]:
+        stood: Mapping[str, float] = {}
+        ended: set[str] = set()
+        for turn in trace.turns:
+            ended |= turn.ended
+            if is_dead_step(turn):
+                left = _left(turn, stood, ended)
+                where = trace.at(turn, turn.order[0], "rewards")
+                expected = "nobody is paid by a dead agent's step"
+                seen = f"rewards after it: {left!r}"
+                yield Case(where, not left, expected, seen, reproducer_of(dead_pay_stops))
+            stood = turn.rewards
+
+
+def _left(turn: Turn, stood: Mapping[str, float], ended: set[str]) -> dict[str, float]:
+    """Rewards of agents of the game that stood before a dead step, or that pay who has ended."""
+    live = turn.live - {turn.order[0]}  # of entries of those that were removed GK106 tells
+    return {
+        agent: reward
+        for agent, reward in turn.rewards.items()
+        if reward and agent in live and (agent in ended or stood.get(agent) == reward)
+    }
+
 
 NO_NUMBERS: Final = ("NoneType", "str", "bytes", "list", "tuple", "dict", "complex")
 """Types that are no real numbers, whatever they hold."""
@@ -26,44 +325,34 @@ NO_NUMBERS: Final = ("NoneType", "str", "bytes", "list", "tuple", "dict", "compl
     "array of one element",
     looks_at="a step that returns rewards",
 )
-def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reward is one finite real number: no None, no NaN or infinity, no array, no text.
 
     A single NaN in a batch makes every weight of a learner NaN; None and arrays crash it, or change
     the shape of what it stores. Numbers of NumPy and 0-d arrays are fine.
 
     Bad:
-    ```python
-    rewards[agent] = None if agent not in scored else 1.0
-    rewards[agent] = gain / cost              # 0 / 0 of numpy is NaN
-    rewards[agent] = np.array([1.0])
-    ```
+        rewards[agent] = None if agent not in scored else 1.0
+        rewards[agent] = gain / cost              # 0 / 0 of numpy is NaN
+        rewards[agent] = np.array([1.0])
+
     Good:
-    ```python
-    rewards[agent] = 1.0 if agent in scored else 0.0
-    rewards[agent] = gain / cost if cost else 0.0
-    ```
+        rewards[agent] = 1.0 if agent in scored else 0.0
+        rewards[agent] = gain / cost if cost else 0.0
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
             strange = _strange(turn)
             for agent, seen in strange.items():
-                yield Case(
-                    trace.at(turn, agent, "rewards"),
-                    False,
-                    "one finite real number",
-                    seen,
-                    proof=_number_proof(evidence.api, agent),
-                )
+                where = trace.at(turn, agent, "rewards")
+                expected = "one finite real number"
+                yield Case(where, False, expected, seen, _number_proof(evidence.api, agent))
             for agent, reward in turn.rewards.items():
                 if agent not in strange:
-                    yield Case(
-                        trace.at(turn, agent, "rewards"),
-                        math.isfinite(reward),
-                        "one finite real number",
-                        reward,
-                        proof=_number_proof(evidence.api, agent),
-                    )
+                    where = trace.at(turn, agent, "rewards")
+                    is_ok = math.isfinite(reward)
+                    expected = "one finite real number"
+                    yield Case(where, is_ok, expected, reward, _number_proof(evidence.api, agent))
 
 
 def _strange(turn: Turn) -> dict[str, str]:
@@ -110,22 +399,19 @@ def _allowed(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_allowed,
     looks_at="a turn after an agent's end (AEC: in which another agent acts)",
 )
-def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended is paid nothing more.
 
     Learners bootstrap past the end and credit the wrong action with a reward that comes later. What
     an agent earns by the step that ends it is paid by that very step.
 
     Bad:
-    ```python
-    for agent in self.possible_agents:        # also those that are gone
-        rewards[agent] += team_bonus
-    ```
+        for agent in self.possible_agents:        # also those that are gone
+            rewards[agent] += team_bonus
+
     Good:
-    ```python
-    for agent in self.agents:
-        rewards[agent] += team_bonus
-    ```
+        for agent in self.agents:
+            rewards[agent] += team_bonus
     """
     for trace in evidence["rollout"]:
         ended: frozenset[str] = frozenset()
@@ -135,13 +421,8 @@ def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Iter
                 continue  # what a dead step leaves standing is GK407's
             for agent in sorted(ended):
                 paid = turn.rewards.get(agent, 0.0)
-                yield Case(
-                    trace.at(turn, agent, "rewards"),
-                    paid == 0.0,
-                    0.0,
-                    paid,
-                    proof=_after_end_proof(evidence.api, agent),
-                )
+                where = trace.at(turn, agent, "rewards")
+                yield Case(where, paid == 0.0, 0.0, paid, _after_end_proof(evidence.api, agent))
 
 
 def _after_end_proof(api: str, agent: str) -> str:
@@ -159,7 +440,7 @@ def _after_end_proof(api: str, agent: str) -> str:
     api="aec",
     fix="call `self._clear_rewards()` at the start of every step of a live agent",
 )
-def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`rewards` is cleared in every step: it holds what that step paid, nothing from before.
 
     A reward that still stands after the next step is accumulated again, once for every step until
@@ -167,20 +448,17 @@ def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Iterat
     raising a reward before a step: what is paid must not rise with it.
 
     Bad:
-    ```python
-    def step(self, action):
-        ...
-        self.rewards[agent] = gain            # everybody else's still stands
-        self._accumulate_rewards()
-    ```
+        def step(self, action):
+            ...
+            self.rewards[agent] = gain            # everybody else's still stands
+            self._accumulate_rewards()
+
     Good:
-    ```python
-    def step(self, action):
-        ...
-        self._clear_rewards()
-        self.rewards[agent] = gain
-        self._accumulate_rewards()
-    ```
+        def step(self, action):
+            ...
+            self._clear_rewards()
+            self.rewards[agent] = gain
+            self._accumulate_rewards()
     """
     for fact in evidence.facts(MarkedReward):
         seen = fact.value

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import may_leave
 from gamekeeper.checks.facts.surface_facts import BookEntries, ReturnedForms
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -99,9 +99,7 @@ BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
     fix="build the dictionaries over those who acted in this step (and who joined in it), not "
     "over possible_agents",
 )
-def accounts_are_kept_of_the_living_only(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has left has no entry in rewards, terminations, truncations.
 
     Readers walk over the dictionaries: they store steps that the dead never made, count its end
@@ -127,13 +125,10 @@ def accounts_are_kept_of_the_living_only(
             gone -= each.turn.ended - ever  # they joined, and ended in the same step
             bad = [(a, part) for a in sorted(gone) for part in sorted(each.has(a) & ACCOUNTS)]
             for agent, part in bad:
-                yield Case(
-                    entry_place(trace, each.turn, agent, part),
-                    False,
-                    "no entry: it isn't in the game",
-                    f"an entry in {PARTS[part]}",
-                    proof=_gone_proof(part),
-                )
+                expected = "no entry: it isn't in the game"
+                seen = f"an entry in {PARTS[part]}"
+                proof = _gone_proof(part)
+                yield Case(entry_place(trace, each.turn, agent, part), False, expected, seen, proof)
             if not bad:
                 yield Case(trace.at(each.turn, None, "agents"), True)
 
@@ -147,7 +142,7 @@ def _removed_early(contract: Contract, evidence: ProbeEvidence) -> set[str]:
     }
 
 
-def _gone_in_books(evidence: ProbeEvidence, told: set[str]) -> Iterator[Case]:
+def _gone_in_books(evidence: ProbeEvidence, told: set[str]) -> Cases:
     for fact in evidence.facts(BookEntries):
         for turn, books in enumerate(fact.value.turns):
             found = {
@@ -178,9 +173,7 @@ def _gone_proof(part: str) -> str:
     fix="give every agent in `agents` its entry in each dictionary, also where nothing happened "
     "to it: build them over `self.agents`",
 )
-def every_live_agent_is_told_everything(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent in `agents` is given an observation, a reward and both flags, at every step.
 
     An agent without an observation can't choose an action, and one without a reward or a flag
@@ -219,7 +212,7 @@ def _owed(each: TurnEntries, agent: str) -> list[str]:
     return sorted(each.missing[agent] & owed)
 
 
-def _living_in_books(evidence: ProbeEvidence) -> Iterator[Case]:
+def _living_in_books(evidence: ProbeEvidence) -> Cases:
     for fact in evidence.facts(BookEntries):
         for turn, books in enumerate(fact.value.turns):
             missing = {name: a for name, a in books.missing.items() if name != "infos"}
@@ -248,7 +241,7 @@ def _living_proof(book: str) -> str:
     api="parallel",
     looks_at="an agent that ends",
 )
-def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is given its last reward, last observation and both flags in that step.
 
     The reward for winning or dying is most often the last one. Without its entry the agent never
@@ -299,7 +292,7 @@ IN_BOOKS = "assert not set(env.agents) - set(env.infos), set(env.agents) - set(e
     fix="give every agent an info, an empty dictionary where there is nothing to say: "
     "`{a: {} for a in agents}`",
 )
-def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent has its entry in infos: after reset, in every step, and in its last one.
 
     Wrappers and trainers read `infos[agent]` for masks and statistics, and raise KeyError where an
@@ -357,7 +350,7 @@ PROOF_AEC: Final = "out = env.last()\nassert isinstance(out, tuple) and len(out)
 )
 def reset_returns_two_dictionaries_and_step_five(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """A reset returns two dictionaries by agent, a step five, and last() five values; never fewer.
 
     The first two are for Parallel environments, `last()` is for AEC ones. Every loop unpacks them.
@@ -393,7 +386,7 @@ def reset_returns_two_dictionaries_and_step_five(
     api="parallel",
     looks_at="an agent that has left while others play on",
 )
-def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has left the game stands no longer in observations or infos.
 
     A training loop that takes the keys of the observations for the agents that act next hands over
@@ -412,13 +405,10 @@ def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> I
                 (a, part) for a in sorted(gone) for part in sorted(each.has(a) & ENTRIES_AT_RESET)
             ]
             for agent, part in bad:
-                yield Case(
-                    entry_place(trace, each.turn, agent, part),
-                    False,
-                    "no entry: it has left",
-                    f"an entry in {PARTS[part]}",
-                    proof=_gone_view_proof(part),
-                )
+                expected = "no entry: it has left"
+                seen = f"an entry in {PARTS[part]}"
+                proof = _gone_view_proof(part)
+                yield Case(entry_place(trace, each.turn, agent, part), False, expected, seen, proof)
             if not bad:
                 yield Case(trace.at(each.turn, None, "agents"), True)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
-from gamekeeper.checks.case import Case, Reproducer
+from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, check
 from gamekeeper.checks.facts.handed_facts import OfferedCalls, RepeatedLast
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -25,7 +25,7 @@ MEDDLING = {
 """Calls between the steps, as Python, by kind of call."""
 
 
-def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Iterator[Case]:
+def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every play in which this kind of call was made more often.
 
     A play with calls of all kinds that went another way accuses none of them: each was tried alone.
@@ -40,21 +40,15 @@ def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Iterator[Case]:
         if first_divergence is None:
             yield Case(counterfactual.base.at(None, None, kind), True)
         elif "next" in counterfactual.change:
-            yield Case(
-                counterfactual.base.at(counterfactual.change["next"], None, kind),
-                False,
-                "the next reset goes on drawing as if nobody had called",
-                f"after a reset without a seed {first_divergence_words(first_divergence)}",
-                proof=_proof(evidence.api, kind, is_next=True),
-            )
+            where = counterfactual.base.at(counterfactual.change["next"], None, kind)
+            expected = "the next reset goes on drawing as if nobody had called"
+            seen = f"after a reset without a seed {first_divergence_words(first_divergence)}"
+            yield Case(where, False, expected, seen, _proof(evidence.api, kind, is_next=True))
         else:
-            yield Case(
-                counterfactual.base.at(env_steps_of(first_divergence), None, kind),
-                False,
-                "the play goes on as if nobody had called",
-                first_divergence_words(first_divergence),
-                proof=_proof(evidence.api, kind),
-            )
+            where = counterfactual.base.at(env_steps_of(first_divergence), None, kind)
+            expected = "the play goes on as if nobody had called"
+            seen = first_divergence_words(first_divergence)
+            yield Case(where, False, expected, seen, _proof(evidence.api, kind))
 
 
 def _is_blamed(evidence: ProbeEvidence, kind: str) -> bool:
@@ -87,26 +81,18 @@ def _proof(api: str, kind: str, *, is_next: bool = False) -> Reproducer:
     fix="build the spaces once, in __init__, and hand out the same ones at every call",
     applies=not_offered("spaces"),
 )
-def asking_for_spaces_changes_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observation_space() and action_space() in mid-episode doesn't change the game.
 
     Policies and wrappers ask for spaces at any time, some of them at every step.
 
     Bad:
-
-    ```python
-    def action_space(self, agent):
-        return Discrete(5, seed=int(self.rng.integers(1000)))       # draws at every call
-    ```
+        def action_space(self, agent):
+            return Discrete(5, seed=int(self.rng.integers(1000)))       # draws at every call
 
     Good:
-
-    ```python
-    def action_space(self, agent):
-        return self.action_spaces[agent]
-    ```
+        def action_space(self, agent):
+            return self.action_spaces[agent]
     """
     yield from extra_call_cases(evidence, "spaces")
 
@@ -119,26 +105,20 @@ def asking_for_spaces_changes_nothing(
     api="aec",
     applies=not_offered("observe"),
 )
-def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observe() again, for every agent, doesn't change the game.
 
     Loggers, wrappers and centralised learners observe more often than the loop. Where observe()
     draws from the game's generator or advances something, the game depends on who is watching.
 
     Bad:
-
-    ```python
-    def observe(self, agent):
-        return self.position[agent] + self.rng.normal(size=2)      # draws at every look
-    ```
+        def observe(self, agent):
+            return self.position[agent] + self.rng.normal(size=2)      # draws at every look
 
     Good:
-
-    ```python
-    def step(self, action):
-        ...
-        self.noise = self.rng.normal(size=2)                        # once a turn
-    ```
+        def step(self, action):
+            ...
+            self.noise = self.rng.normal(size=2)                        # once a turn
     """
     yield from extra_call_cases(evidence, "observe")
 
@@ -156,20 +136,17 @@ assert first[1:4] == second[1:4], (first[1:4], second[1:4])"""
     api="aec",
     applies=not_offered("last"),
 )
-def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling last() twice in a turn tells the same twice, and doesn't change the game.
 
     Wrappers call last() beside the loop that plays. Where it pays out, clears or draws, the second
     call gets something else, and so does everybody after it.
 
     Bad:
-
-    ```python
-    def last(self, observe=True):
-        out = super().last(observe)
-        self._cumulative_rewards[self.agent_selection] = 0     # paid out by being asked
-        return out
-    ```
+        def last(self, observe=True):
+            out = super().last(observe)
+            self._cumulative_rewards[self.agent_selection] = 0     # paid out by being asked
+            return out
 
     Good: clear the agent's cumulative reward in its own `step`.
     """
@@ -191,27 +168,19 @@ def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> 
     fix="let state() only read: draw noise in step(), or from a generator of its own",
     applies=not_offered("state"),
 )
-def asking_for_the_state_changes_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling state() doesn't change the game, nor draw from its generator.
 
     Centralised critics ask for the state at every step, evaluations don't: with one seed they play
     different games.
 
     Bad:
-
-    ```python
-    def state(self):
-        return self.table() + self.rng.normal(0, 0.01, self.shape)
-    ```
+        def state(self):
+            return self.table() + self.rng.normal(0, 0.01, self.shape)
 
     Good:
-
-    ```python
-    def state(self):
-        return self.table()
-    ```
+        def state(self):
+            return self.table()
     """
     yield from extra_call_cases(evidence, "state")
 
@@ -223,18 +192,15 @@ def asking_for_the_state_changes_nothing(
     fix="let render() only read; what it draws at random comes from a generator of its own",
     applies=not_offered("render"),
 )
-def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling render() between the steps doesn't change the game, nor draw from its generator.
 
     A video of an episode then shows another episode than the one that was evaluated.
 
     Bad:
-
-    ```python
-    def render(self):
-        self.clouds += self.rng.normal(size=2)      # the generator of the game
-        return self.paint()
-    ```
+        def render(self):
+            self.clouds += self.rng.normal(size=2)      # the generator of the game
+            return self.paint()
 
     Good: keep `self.decor = np.random.default_rng(0)` for whatever is only painted.
     """
@@ -248,23 +214,17 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> It
     fix="draw from the environment's own generator, never from a space's `np_random`",
     applies=not_offered("sample"),
 )
-def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Sampling from the spaces that are handed out doesn't change the game.
 
     Every random policy samples actions. Where the game draws from the generators of its spaces,
     what happens depends on how often anybody has sampled.
 
     Bad:
-
-    ```python
-    wind = self.action_space(agent).sample()
-    ```
+        wind = self.action_space(agent).sample()
 
     Good:
-
-    ```python
-    wind = self.rng.integers(5)
-    ```
+        wind = self.rng.integers(5)
     """
     yield from extra_call_cases(evidence, "sample")
 
@@ -276,21 +236,16 @@ def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence
     fix="let attributes and str() only read",
     applies=not_offered("attributes"),
 )
-def asking_for_attributes_changes_nothing(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def asking_for_attributes_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Reading num_agents, metadata, unwrapped or str(env) doesn't change the game.
 
     Progress bars, loggers and debuggers read them at any time.
 
     Bad:
-
-    ```python
-    @property
-    def num_agents(self):
-        self.purge()                    # takes out who has ended
-        return len(self.agents)
-    ```
+        @property
+        def num_agents(self):
+            self.purge()                    # takes out who has ended
+            return len(self.agents)
 
     Good: whatever changes the game happens in `step`.
     """

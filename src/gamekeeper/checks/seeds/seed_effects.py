@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
     PlainSeed,
     PlayElsewhere,
@@ -46,7 +46,7 @@ SEEDS: Final = 16
     fix="build the generator from `seed` in reset(), and draw from nothing else",
     applies=draws_nothing,
 )
-def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Different seeds give different episodes where a game draws; the seed isn't ignored.
 
     Training on a thousand seeds is else training on one, and a test on other seeds tests nothing. A
@@ -68,20 +68,15 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Iter
     ```
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed is not None or self.rng is None:
-            self.rng = np.random.default_rng(seed)
-        self.board = self.rng.permutation(9)
-    ```
+        def reset(self, seed=None, options=None):
+            if seed is not None or self.rng is None:
+                self.rng = np.random.default_rng(seed)
+            self.board = self.rng.permutation(9)
     """
     for look in evidence.looks.get("unseeded", ()):
-        plays, first, other = (
-            look.fact(SeededPlays),
-            look.fact(UnseededOpenings),
-            look.fact(PlayElsewhere),
-        )
+        plays = look.fact(SeededPlays)
+        first = look.fact(UnseededOpenings)
+        other = look.fact(PlayElsewhere)
         if plays is None:
             continue
         seeded = plays.value.digests
@@ -89,13 +84,9 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Iter
         if len(set(seeded)) > 1:
             yield Case(plays.where, True, "plays that differ", "plays that differ")
         elif len(set(openings)) > 1:
-            yield Case(
-                plays.where,
-                False,
-                "plays that differ, as unseeded ones do",
-                f"{len(seeded)} seeds, and all of them give the same play",
-                _differing_seeds_proof(evidence.api),
-            )
+            expected = "plays that differ, as unseeded ones do"
+            seen = f"{len(seeded)} seeds, and all of them give the same play"
+            yield Case(plays.where, False, expected, seen, _differing_seeds_proof(evidence.api))
         elif other is not None and other.value.difference is not None:
             yield Case(
                 other.where,
@@ -127,7 +118,7 @@ MISSED: Final = (
     "the clock, the system's entropy, or spaces that nobody seeded",
     applies=settled_by_seed,
 )
-def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A seed settles the play: after reset(seed) the same actions give the same play again.
 
     Otherwise the seed is ignored, or part of the randomness isn't seeded, and no result can be
@@ -137,18 +128,12 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Iterat
     either, nor does the time of day.
 
     Bad:
-
-    ```python
-    def step(self, actions):
-        wind = np.random.default_rng().normal()
-    ```
+        def step(self, actions):
+            wind = np.random.default_rng().normal()
 
     Good:
-
-    ```python
-    def step(self, actions):
-        wind = self.rng.normal()
-    ```
+        def step(self, actions):
+            wind = self.rng.normal()
     """
     if any(fact.value.is_settled for fact in evidence.facts(SettledElsewhere)):
         return  # instances share something, and that is another promise
@@ -201,27 +186,21 @@ def _empty(api: str) -> Reproducer:
     fix="ask `if seed is not None`, never `if seed`, and take any non-negative integer",
     applies=settled_by_seed,
 )
-def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Seed 0 is a seed like any other, and so is 2**31 - 1.
 
     0 is the seed that most people try first; where it is taken for no seed, exactly their runs
     don't repeat. Looked at beside a plain seed, which goes well.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if seed:
+                self.rng = np.random.default_rng(seed)
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed is not None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if seed is not None:
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("special_seeds", ()):
         plain, refused = look.fact(PlainSeed), look.fact(SpecialRefused)
@@ -259,7 +238,7 @@ def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
     looks_at="a used instance that plays a seed as a fresh one does, or plays all seeds alike (any "
     "other difference is GK604's)",
 )
-def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reset(seed) seeds the play, not only the first one of an instance.
 
     Where later seeds are ignored, an evaluation on fixed seeds in one instance isn't one: its
@@ -267,33 +246,24 @@ def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Itera
     same play, while in fresh instances they give different ones.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if self.rng is None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if self.rng is None:
+                self.rng = np.random.default_rng(seed)
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if self.rng is None or seed is not None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            if self.rng is None or seed is not None:
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("second_episode", ()):
         for counterfactual in look.counterfactuals:
             if counterfactual.divergence is None:
                 yield Case(whole(counterfactual), True, "seeds are obeyed", "seeds are obeyed")
             elif counterfactual.noise is None and is_blind_later(look):
-                yield Case(
-                    difference_place(counterfactual, counterfactual.divergence),
-                    False,
-                    "the play of this seed",
-                    f"the same play for any seed: {told_difference(counterfactual.divergence)}",
-                    _later_seeds_proof(evidence.api),
-                )
+                where = difference_place(counterfactual, counterfactual.divergence)
+                expected = "the play of this seed"
+                seen = f"the same play for any seed: {told_difference(counterfactual.divergence)}"
+                yield Case(where, False, expected, seen, _later_seeds_proof(evidence.api))
 
 
 def _later_seeds_proof(api: str) -> Reproducer:
@@ -320,7 +290,7 @@ RESETS: Final = 16
     "a seed is given or none was built yet",
     applies=draws_nothing,
 )
-def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset without a seed goes on drawing; it doesn't re-seed with a constant or the last seed.
 
     Training resets without a seed, and would see one and the same episode again and again. Judged
@@ -329,21 +299,15 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> It
     of 1,000 environments that are right is this broken.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        self.rng = np.random.default_rng(0 if seed is None else seed)
-    ```
+        def reset(self, seed=None, options=None):
+            self.rng = np.random.default_rng(0 if seed is None else seed)
 
     Good:
-
-    ```python
-    def __init__(self):
-        self.rng = np.random.default_rng()
-    def reset(self, seed=None, options=None):
-        if seed is not None:
-            self.rng = np.random.default_rng(seed)
-    ```
+        def __init__(self):
+            self.rng = np.random.default_rng()
+        def reset(self, seed=None, options=None):
+            if seed is not None:
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("unseeded", ()):
         plays, others = look.fact(SeededPlays), look.fact(UnseededPlays)
@@ -355,13 +319,10 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> It
         elif len(set(seeded)) > 1:
             p = p_all_alike(seeded, len(unseeded))
             if p < FALSE_ALARM:
+                expected = "plays that differ, as those of seeds do"
+                seen = f"{len(unseeded)} resets without a seed, and the same play after each"
                 yield Case(
-                    at,
-                    False,
-                    "plays that differ, as those of seeds do",
-                    f"{len(unseeded)} resets without a seed, and the same play after each",
-                    _unseeded_proof(evidence.api),
-                    confidence=1.0 - p,
+                    at, False, expected, seen, _unseeded_proof(evidence.api), confidence=1.0 - p
                 )
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
     EpisodeBefore,
     HashSeed,
@@ -41,7 +40,7 @@ from gamekeeper.contract import Contract
     "np.random.default_rng(seed)",
     applies=settled_by_seed,
 )
-def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The game draws from a generator of its own, not from the global ones of numpy, random, torch.
 
     Other code that draws from global generators, a learner or a second environment, changes the
@@ -49,21 +48,15 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
     before the reset and between all turns, compared with one in which they aren't.
 
     Bad:
-
-    ```python
-    def step(self, actions):
-        wind = np.random.normal()
-    ```
+        def step(self, actions):
+            wind = np.random.normal()
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        if seed is not None or self.rng is None:
-            self.rng = np.random.default_rng(seed)
-    def step(self, actions):
-        wind = self.rng.normal()
-    ```
+        def reset(self, seed=None, options=None):
+            if seed is not None or self.rng is None:
+                self.rng = np.random.default_rng(seed)
+        def step(self, actions):
+            wind = self.rng.normal()
     """
     for look in evidence.looks.get("generators", ()):
         facts = [fact.value for fact in look.facts]
@@ -104,7 +97,7 @@ def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> R
     fix="leave np.random.seed, random.seed and torch.manual_seed to whoever runs the environment; "
     "build a generator of the environment's own",
 )
-def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The environment leaves the global generators of numpy, random and torch as they are.
 
     One that seeds them makes the exploration of a learner repeat itself with every episode, and
@@ -112,18 +105,12 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
     come from them: that is GK602.
 
     Bad:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        np.random.seed(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            np.random.seed(seed)
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        self.rng = np.random.default_rng(seed)
-    ```
+        def reset(self, seed=None, options=None):
+            self.rng = np.random.default_rng(seed)
     """
     is_judged = settled_by_seed(contract, evidence) is None
     for look in evidence.looks.get("generators", ()):
@@ -167,7 +154,7 @@ def _global_generator_proof(api: str, name: str) -> Reproducer:
     "before",
     applies=settled_by_seed,
 )
-def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """reset(seed) starts the same play in a used instance as in a fresh one.
 
     Training runs thousands of episodes in one instance; where something of the last one is left,
@@ -183,13 +170,10 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     ```
 
     Good:
-
-    ```python
-    def reset(self, seed=None, options=None):
-        self.rng = np.random.default_rng(seed)
-        self.agents = list(self.possible_agents)
-        self.collected = set()
-    ```
+        def reset(self, seed=None, options=None):
+            self.rng = np.random.default_rng(seed)
+            self.agents = list(self.possible_agents)
+            self.collected = set()
     """
     if ignores_seeds(evidence):
         return  # an episode hangs on what was drawn before, which is another promise
@@ -217,7 +201,7 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
     "class, the module or in a mutable default argument",
     applies=settled_by_seed,
 )
-def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Instances of the environment share nothing: no generator and no state of a class or module.
 
     A vector environment steps many instances in turns, an evaluation runs beside the training; what
@@ -226,21 +210,15 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Iter
     before, two new processes agree with each other.
 
     Bad:
-
-    ```python
-    class Game(ParallelEnv):
-        rng = np.random.default_rng()
-        def reset(self, seed=None, options=None):
-            Game.rng = np.random.default_rng(seed)
-    ```
+        class Game(ParallelEnv):
+            rng = np.random.default_rng()
+            def reset(self, seed=None, options=None):
+                Game.rng = np.random.default_rng(seed)
 
     Good:
-
-    ```python
-    class Game(ParallelEnv):
-        def reset(self, seed=None, options=None):
-            self.rng = np.random.default_rng(seed)
-    ```
+        class Game(ParallelEnv):
+            def reset(self, seed=None, options=None):
+                self.rng = np.random.default_rng(seed)
     """
     for look in evidence.looks.get("alternated", ()):
         other = look.fact(OtherInstance)
@@ -304,7 +282,7 @@ def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Rep
     "hash(), id(), the process's number or the clock",
     applies=settled_by_seed,
 )
-def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The same seed and actions give the same play in other processes; no set's order decides.
 
     Python shuffles the order of sets of text anew in every process, so that results repeat within
@@ -317,10 +295,7 @@ def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -
     ```
 
     Good:
-
-    ```python
-    self.agents = [*self.hunters, *self.prey]
-    ```
+        self.agents = [*self.hunters, *self.prey]
     """
     for look in evidence.looks.get("other_process", ()):
         fact = look.fact(HashSeed)

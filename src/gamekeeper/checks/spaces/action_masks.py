@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from gymnasium import spaces
 
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.spaces.observation_values import spaces_of
@@ -139,6 +139,8 @@ def is_legal(space: Any, mask: Any, action: Any) -> bool:
             return False
         if mask is None:
             return True
+        if _is_unread(space, mask):
+            return False
         if is_joint(space, mask):
             return bool(mask[tuple(np.ravel(action) - np.ravel(space.start))])
         flags = mask_parts(space, mask)
@@ -148,6 +150,17 @@ def is_legal(space: Any, mask: Any, action: Any) -> bool:
         return all(bool(part[int(at)]) for part, at in zip(flags, chosen, strict=True))
     except Exception:  # a mask that doesn't fit, an action that a foreign space can't judge
         return False
+
+
+def _is_unread(space: Any, mask: Any) -> bool:
+    """Tells whether a mask says of continuous actions what no list of flags can: bounds."""
+    if isinstance(space, spaces.Box):
+        return mask is not None and not np.all(np.asarray(mask) == 1)
+    if isinstance(space, spaces.Dict):
+        return any(_is_unread(part, mask.get(key)) for key, part in space.items())
+    if isinstance(space, spaces.Tuple):
+        return any(map(_is_unread, space.spaces, mask))
+    return False
 
 
 def mask_lines(api: str, agent: str, place: str) -> str:
@@ -169,7 +182,7 @@ def mask_lines(api: str, agent: str, place: str) -> str:
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
-def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action mask has one number for each action of its agent, no more and no fewer.
 
     A mask of another length, or of another agent's action space, can't be laid over what a policy
@@ -177,11 +190,9 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> I
     action of a MultiDiscrete space is a mask too.
 
     Bad:
-
         spaces.Discrete(5); mask = np.ones(4, np.int8)      # "stay" was forgotten
 
     Good:
-
         spaces.Discrete(5); mask = np.ones(5, np.int8)
     """
     for each in masks(contract, evidence):
@@ -205,7 +216,7 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> I
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
-def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action mask is an int8 array of zeros and ones, so that `space.sample(mask)` takes it.
 
     Gymnasium refuses masks of bool, of other whole numbers, and lists, so whoever samples as
@@ -213,11 +224,9 @@ def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -
     outside its observation space in all but name.
 
     Bad:
-
         {"observation": board, "action_mask": board == 0}                    # bool
 
     Good:
-
         {"observation": board, "action_mask": (board == 0).astype(np.int8)}
     """
     for each in masks(contract, evidence):
@@ -264,18 +273,16 @@ def _fault_of(mask: Any) -> str | None:
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
-def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The mask of a live agent that is to move allows at least one action.
 
     With nothing to choose from a policy crashes, or a softmax over minus infinity gives NaN. An
     all-zero mask of an agent that isn't to move, or has ended, is right.
 
     Bad:
-
         mask = np.zeros(n, np.int8)                    # it is stuck, and it is its turn
 
     Good:
-
         mask[NOOP] = 1                                 # or the agent terminates when it is stuck
     """
     for each in masks(contract, evidence):
@@ -306,18 +313,16 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterat
     applies=without_masks,
     looks_at="an agent with a mask both in its info and in its observation",
 )
-def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The action mask in an agent's info is the same as the one in its observation.
 
     Some readers take the one, some the other: where they disagree, half of the trainers play
     another game, and choose actions that the environment refuses.
 
     Bad:
-
         infos[agent] = {"action_mask": np.ones(n, np.int8)}        # the observation's says less
 
     Good:
-
         infos[agent] = {"action_mask": observations[agent]["action_mask"].copy()}
     """
     for trace in evidence["rollout"]:
@@ -373,17 +378,15 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_none_declared,
     looks_at="a mask that the contract declares",
 )
-def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A mask stands where the contract says it does, in each episode in which its agent moves.
 
     Policies look for it at that place, and take everything for legal where they find nothing.
 
     Bad:
-
         mask = "infos.action_mask"           # and the environment puts it into the observation
 
     Good:
-
         mask = "observation.action_mask"
     """
     for trace in evidence["rollout"]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import AskedSpace, ChangedSpace, SpaceEntry, SpaceFaults
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
@@ -17,32 +15,25 @@ from gamekeeper.contract import Contract
     severity=HIGH,
     fix="make the spaces of all possible agents in __init__, and return Gymnasium's spaces",
 )
-def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every possible agent has its spaces at any time, already before the first reset.
 
     Trainers build networks and buffers from the observation and action spaces before they reset
     anything, and ask for them also when an agent has left.
 
     Bad:
-
         def reset(self, seed=None, options=None):
             self._spaces = {a: Discrete(5) for a in self.possible_agents}
 
     Good:
-
         def __init__(self):
             self._spaces = {a: Discrete(5) for a in self.possible_agents}
     """
     for fact in evidence.facts(AskedSpace):
         value, agent = fact.value, fact.where.agent
         seen = f"{value.failed or 'a ' + value.type}, {value.when}"
-        yield Case(
-            fact.where,
-            value.space is not None,
-            "a Gymnasium space",
-            seen,
-            proof=_early_spaces_proof(str(agent), str(value.which), str(value.when)),
-        )
+        proof = _early_spaces_proof(str(agent), str(value.which), str(value.when))
+        yield Case(fact.where, value.space is not None, "a Gymnasium space", seen, proof)
 
 
 def _early_spaces_proof(agent: str, which: str, when: str) -> Reproducer:
@@ -66,18 +57,16 @@ def _early_spaces_proof(agent: str, which: str, when: str) -> Reproducer:
     severity=MEDIUM,
     fix="make each space once and return that object: from a dictionary, or with functools.cache",
 )
-def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's space is the very same object at every call, not a new one.
 
     A seed that is given to a space which is thrown away has no effect: sampled actions differ in
     every run, and each call costs what making a space costs. PettingZoo's own API test asks for it.
 
     Bad:
-
         def action_space(self, agent): return Discrete(5)
 
     Good:
-
         @functools.cache
         def action_space(self, agent): return Discrete(5)
     """
@@ -85,13 +74,9 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Iterat
         if fact.value.space is None:
             continue
         name = fact.where.field
-        yield Case(
-            fact.where,
-            bool(fact.value.is_same),
-            "the same object twice",
-            "two objects",
-            proof=f"for agent in env.agents:\n    assert env.{name}(agent) is env.{name}(agent)",
-        )
+        is_ok = bool(fact.value.is_same)
+        proof = f"for agent in env.agents:\n    assert env.{name}(agent) is env.{name}(agent)"
+        yield Case(fact.where, is_ok, "the same object twice", "two objects", proof)
 
 
 @check(
@@ -100,30 +85,23 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Iterat
     severity=HIGH,
     fix="declare the largest space that any episode needs, and mask or pad what isn't used",
 )
-def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's spaces never change: not by a reset, not in an episode, not in the next one.
 
     Networks are built for the spaces once. What is drawn from a space that has changed since is
     outside of what the environment, or the network, now takes.
 
     Bad:
-
         def reset(self, seed=None, options=None):
             self.action_spaces[agent] = Discrete(self.rng.integers(3, 6))
 
     Good:
-
         Discrete(5), and an action mask for the actions that aren't there this time
     """
     for fact in evidence.facts(ChangedSpace):
         value, agent, name = fact.value, str(fact.where.agent), fact.where.field
-        yield Case(
-            fact.where,
-            bool(value.is_same),
-            value.was,
-            value.now,
-            proof=_space_change_proof(agent, name, is_later=value.when == "after another reset"),
-        )
+        proof = _space_change_proof(agent, name, is_later=value.when == "after another reset")
+        yield Case(fact.where, bool(value.is_same), value.was, value.now, proof)
 
 
 def _space_change_proof(agent: str, name: str, *, is_later: bool) -> Reproducer:
@@ -149,18 +127,16 @@ def _space_change_proof(agent: str, name: str, *, is_later: bool) -> Reproducer:
     severity=HIGH,
     fix="give bounds with low <= high, at least one value, and a sample() that is in the space",
 )
-def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every space can hold a value: low isn't above high, no bound is NaN, sample() gives a member.
 
     Nothing is in a space whose bounds are the wrong way round; normalising by it flips signs or
     divides by nothing.
 
     Bad:
-
         space.low, space.high = space.high, space.low
 
     Good:
-
         spaces.Box(low=-1.0, high=1.0, shape=(2,), dtype=np.float32)
     """
     for fact in evidence.facts(SpaceFaults):
@@ -185,18 +161,16 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Iterator[Ca
     fix="let the method return what the dictionary holds, or drop the dictionary",
     looks_at="an attribute `observation_spaces` or `action_spaces`",
 )
-def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observation_spaces` and `action_spaces` hold the spaces that the methods return.
 
     Older readers take a space from the dictionary, newer ones from the method.
 
     Bad:
-
         self.action_spaces = {a: Discrete(4) for a in self.possible_agents}
         def action_space(self, agent): return self._spaces[agent]          # Discrete(5)
 
     Good:
-
         def action_space(self, agent): return self.action_spaces[agent]
     """
     for fact in evidence.facts(SpaceEntry):

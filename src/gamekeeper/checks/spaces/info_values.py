@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import PickledInfo
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract, InfoField
@@ -22,18 +21,16 @@ from gamekeeper.episodes.canonical import type_name
     fix="give every agent a dictionary for its info; an empty one where there is nothing to say",
     looks_at="an info of an agent",
 )
-def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent's info is a dictionary, also in the step in which it ends; never None.
 
     Readers look into it with `info.get(...)` at every step, and crash in the rare one in which it
     is None, a list or a text.
 
     Bad:
-
         infos = {a: {"score": s} if a in self.agents else None for a in acting}
 
     Good:
-
         infos = {a: {"score": s} if a in self.agents else {} for a in acting}
     """
     for trace in evidence["rollout"]:
@@ -65,17 +62,15 @@ def _info_kind_proof(api: str, agent: str) -> str:
     severity=LOW,
     fix="put plain data and arrays into infos, not functions, generators or the environment",
 )
-def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Infos hold what can be pickled, and so sent from one process to another.
 
     Vector environments run copies in processes of their own and send infos through a pipe.
 
     Bad:
-
         infos[agent] = {"replay": lambda: self.history}
 
     Good:
-
         infos[agent] = {"replay": list(self.history)}
     """
     for fact in evidence.facts(PickledInfo):
@@ -106,17 +101,15 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     applies=_none_declared,
     looks_at="a field of the infos that the contract declares",
 )
-def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A field of the infos has the dtype and the shape that the contract declares for it.
 
     A table of the infos has the columns that the declaration says.
 
     Bad:
-
         position = { dtype = "int64", shape = [2] }          # infos[a] = {"position": (0.5, 1.0)}
 
     Good:
-
         position = { dtype = "float64", shape = [2] }
     """
     declared = {
@@ -132,13 +125,10 @@ def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterat
                 for name, each in declared.items():
                     if name in info:
                         seen = fault_of(each, info[name])
-                        yield Case(
-                            trace.at(turn, agent, f"infos[{name!r}]"),
-                            seen is None,
-                            f"dtype {each.dtype}, shape {each.shape}",
-                            seen,
-                            proof=_info_declared_proof(evidence.api, agent, name, each),
-                        )
+                        where = trace.at(turn, agent, f"infos[{name!r}]")
+                        expected = f"dtype {each.dtype}, shape {each.shape}"
+                        proof = _info_declared_proof(evidence.api, agent, name, each)
+                        yield Case(where, seen is None, expected, seen, proof)
 
 
 def fault_of(declared: InfoField, value: Any) -> str | None:

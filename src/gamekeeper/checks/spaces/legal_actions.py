@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.play_facts import RaisedCall
@@ -134,9 +134,7 @@ PROOF = "# nothing more: a step above raised, and every action in it is one of i
     fix="take every action of the action space, make the space smaller, or give an action mask",
     looks_at="a step of agents that have no action mask",
 )
-def actions_of_the_space_are_accepted(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every action of the action space is accepted: `step` raises nothing.
 
     A policy chooses from the action space and knows no other rule, unless a mask tells it. A step
@@ -144,11 +142,9 @@ def actions_of_the_space_are_accepted(
     the very bounds of a Box, or with an action that is an int and no np.int64.
 
     Bad:
-
         self.action_spaces[agent] = Discrete(6)        # and action 5 is an index past the end
 
     Good:
-
         self.action_spaces[agent] = Discrete(5)
     """
     for fact in evidence.facts(TriedAction):
@@ -168,13 +164,9 @@ def actions_of_the_space_are_accepted(
     may_blame_masks = _may_blame_masks(turns)
     for taken in turns:
         if not taken.is_masked or not may_blame_masks:
-            yield Case(
-                taken.trace.at(taken.turn, taken.agent, "raised"),
-                taken.raised is None,
-                "a step that takes actions of the action space",
-                taken.raised,
-                proof=PROOF,
-            )
+            where = taken.trace.at(taken.turn, taken.agent, "raised")
+            expected = "a step that takes actions of the action space"
+            yield Case(where, taken.raised is None, expected, taken.raised, PROOF)
 
 
 @check(
@@ -183,19 +175,17 @@ def actions_of_the_space_are_accepted(
     severity=MEDIUM,
     fix="refuse an illegal action before anything is changed, and let reset() start from nothing",
 )
-def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An illegal action is taken or refused, and after it a reset starts a playable episode.
 
     An environment may raise whatever it likes, or coerce the action. But a process that dies, and
     an instance that can't be reset any more, take a whole training with them.
 
     Bad:
-
         self.is_stepping = True
         position = MOVES[action]               # raises; is_stepping stays, and reset() refuses
 
     Good:
-
         if not self.action_space(agent).contains(action):
             raise ValueError(f"{agent}: {action!r} is no action")
     """
@@ -207,13 +197,10 @@ def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -
         if fact.value.is_legal:
             continue
         value = fact.value
-        yield Case(
-            fact.where,
-            value.again is None,
-            "a reset that starts a playable episode",
-            f"after the action ({value.case}) {value.again}",
-            proof=illegal_proof(evidence.api, fact.where.turn, value, AGAIN),
-        )
+        is_ok = value.again is None
+        seen = f"after the action ({value.case}) {value.again}"
+        proof = illegal_proof(evidence.api, fact.where.turn, value, AGAIN)
+        yield Case(fact.where, is_ok, "a reset that starts a playable episode", seen, proof)
 
 
 AGAIN = "env.reset(seed=SEED)\nfor actions in ACTIONS:\n    env.step(actions)"
@@ -231,20 +218,16 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     fix="do with a masked action what roles.<role>.illegal says, or declare what is done",
     applies=_none_declared,
 )
-def masked_actions_bring_what_is_declared(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def masked_actions_bring_what_is_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action that the mask forbids raises, costs, or ends, as the contract declares.
 
     A learner without masks learns the rules from this alone: if what is forbidden is quietly taken,
     it learns another game.
 
     Bad:
-
         illegal = "error"             # and the environment plays the forbidden move
 
     Good:
-
         if not mask[action]: raise ValueError(f"{action} is forbidden now")
     """
     for fact in evidence.facts(TriedAction):
@@ -322,27 +305,21 @@ UNFINISHED: Final = (
     applies=without_masks,
     looks_at="a step of agents with an action mask",
 )
-def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every action that an action mask allows is accepted: the mask is neither wrong nor stale.
 
     A mask that was made before the last move, for another agent, or the wrong way round offers
     actions that the rules refuse.
 
     Bad:
-
         mask = board == 0                  # kept from before the other player's move
 
     Good:
-
         def observe(self, agent): return {..., "action_mask": self._legal_now(agent)}
     """
     turns = list(legal_turns(contract, evidence))
     for taken in turns if _may_blame_masks(turns) else ():
         if taken.is_masked:
-            yield Case(
-                taken.trace.at(taken.turn, taken.agent, "raised"),
-                taken.raised is None,
-                "a step that takes what the masks allow",
-                taken.raised,
-                proof=UNFINISHED,
-            )
+            where = taken.trace.at(taken.turn, taken.agent, "raised")
+            expected = "a step that takes what the masks allow"
+            yield Case(where, taken.raised is None, expected, taken.raised, UNFINISHED)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import AskedSpace, OthersView
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
@@ -44,7 +44,7 @@ def spaces_of(evidence: ProbeEvidence, which: str) -> dict[str, Any]:
     return found
 
 
-def misfit_cases(evidence: ProbeEvidence, kind: str) -> Iterator[Case]:
+def misfit_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every observation that was given: whether it misses its space in `kind`."""
     known = spaces_of(evidence, "observation")
     for trace in (*evidence["rollout"], *evidence["spaces"]):
@@ -97,13 +97,9 @@ def _looked(
     if found is None:
         return Case(trace.at(turn, agent, "observations"), True)
     where = trace.at(turn, agent, f"observations{found.path}")
+    proof = misfit_proof(evidence.api, agent, found)
     return Case(
-        where,
-        False,
-        found.expected,
-        found.actual,
-        proof=misfit_proof(evidence.api, agent, found),
-        severity=LOW if found.is_taken else None,
+        where, False, found.expected, found.actual, proof, severity=LOW if found.is_taken else None
     )
 
 
@@ -150,20 +146,16 @@ def misfit_proof(api: str, agent: str, found: Misfit) -> str:
     severity=HIGH,
     fix="give what the space describes: arrays for a Box, every key of a Dict and no other",
 )
-def observations_have_the_form_of_their_space(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def observations_have_the_form_of_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation has the type and the keys that its observation space describes.
 
     A policy reads `observation["action_mask"]` or `observation.shape` at every turn, also at an
     agent's last one: a list, None, or a dictionary without a key makes it crash there.
 
     Bad:
-
         return {"observation": board}                        # the space also has "action_mask"
 
     Good:
-
         return {"observation": board, "action_mask": mask}
     """
     yield from misfit_cases(evidence, STRUCTURE)
@@ -177,18 +169,16 @@ def observations_have_the_form_of_their_space(
 )
 def observations_have_the_dtype_of_their_space(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """Every observation has the dtype of its observation space.
 
     Buffers and networks are made for the dtype of the space; float64 that comes where float32 is
     declared is outside the space, and rounded, or refused, far from here.
 
     Bad:
-
         return np.array([x, y])                              # float64, the space says float32
 
     Good:
-
         return np.array([x, y], dtype=np.float32)
     """
     yield from misfit_cases(evidence, DTYPE)
@@ -202,18 +192,16 @@ def observations_have_the_dtype_of_their_space(
 )
 def observations_have_the_shape_of_their_space(
     contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+) -> Cases:
     """Every observation has the shape of its observation space, whoever is left in the game.
 
     Networks have one input size. A shape that changes when another agent leaves or joins shows only
     in the episodes where that happens.
 
     Bad:
-
         return np.concatenate([self.position[a] for a in self.agents])   # shrinks with the agents
 
     Good:
-
         return np.concatenate([self.position[a] for a in self.possible_agents])
     """
     yield from misfit_cases(evidence, SHAPE)
@@ -225,20 +213,16 @@ def observations_have_the_shape_of_their_space(
     severity=HIGH,
     fix="widen the bounds of the space to what the rules allow, or clip what is observed",
 )
-def observations_are_within_their_space(
-    contract: Contract, evidence: ProbeEvidence
-) -> Iterator[Case]:
+def observations_are_within_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation is within the bounds of its observation space, also at an agent's end.
 
     Learners scale by the bounds, and one-hot encode by the number of values: what is outside
     is squashed, indexes past an array, or is refused by a checker in the middle of a training.
 
     Bad:
-
         spaces.Box(-1, 1, (2,))                              # and the robot may leave the square
 
     Good:
-
         spaces.Box(-np.inf, np.inf, (2,))                    # or keep the robot inside
     """
     yield from misfit_cases(evidence, BOUNDS)
@@ -250,18 +234,16 @@ def observations_are_within_their_space(
     severity=HIGH,
     fix="say what is seen where there is nothing to see: a mean over nobody, a distance to nobody",
 )
-def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No observation holds NaN.
 
     One NaN makes every weight of a network NaN at its next update. It mostly comes from a mean over
     nobody or a division by zero, once the other agents have left.
 
     Bad:
-
         others = np.mean([self.position[b] for b in live if b != a], axis=0)   # NaN when alone
 
     Good:
-
         others = np.mean(...) if len(live) > 1 else np.zeros(2)
     """
     yield from misfit_cases(evidence, NAN)
@@ -274,19 +256,17 @@ def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Ite
     fix="let observe(agent) give an observation of the agent's space at any turn",
     api="aec",
 )
-def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observe` gives an observation of its space for every live agent, also one not in turn.
 
     Conversions to Parallel, centralised critics and recorders observe all agents at every turn.
     A form, shape or dtype that is wrong in agents' own turns too is left to the checks of those.
 
     Bad:
-
         def observe(self, agent):
             return self._view if agent == self.agent_selection else None
 
     Good:
-
         def observe(self, agent):
             return self._view_of(agent)
     """

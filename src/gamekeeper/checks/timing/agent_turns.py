@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, may_leave
 from gamekeeper.checks.facts.lifecycle_facts import IteratedAgents
 from gamekeeper.checks.facts.play_facts import SelectedAgents, TurnRosters
@@ -81,24 +81,21 @@ def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
     "step of a dead agent",
     looks_at="a turn with agents left in `agents`",
 )
-def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
 
     `last()` and `step()` speak of the agent that is selected: where it isn't in the game any more,
     the loop that everybody writes ends in a KeyError, or one agent's turn is taken for another's.
 
     Bad:
-    ```python
-    if self.terminations[agent]:
-        self.agents.remove(agent)             # and it stays selected
-        return
-    ```
+        if self.terminations[agent]:
+            self.agents.remove(agent)             # and it stays selected
+            return
+
     Good:
-    ```python
-    if self.terminations[agent]:
-        self._was_dead_step(action)           # selects who comes next
-        return
-    ```
+        if self.terminations[agent]:
+            self._was_dead_step(action)           # selects who comes next
+            return
     """
     for fact in evidence.facts(SelectedAgents):
         at = fact.where
@@ -122,7 +119,7 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     "its None step, as `self._deads_step_first()` and `self._was_dead_step(action)` do",
     looks_at="an agent that ends",
 )
-def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is selected once more before it is removed, for its None turn.
 
     That turn is where its learner reads the last reward and that it has ended, with `last()`. An
@@ -130,18 +127,15 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> I
     either.
 
     Bad:
-    ```python
-    if money[agent] <= 0:
-        self.terminations[agent] = True
-        self.agents.remove(agent)
-    ```
+        if money[agent] <= 0:
+            self.terminations[agent] = True
+            self.agents.remove(agent)
+
     Good:
-    ```python
-    if money[agent] <= 0:
-        self.terminations[agent] = True
-    ...
-    self._deads_step_first()
-    ```
+        if money[agent] <= 0:
+            self.terminations[agent] = True
+        ...
+        self._deads_step_first()
     """
     for each, agent, has_ended in departures(evidence):
         if has_ended and not may_leave(contract, agent):  # of one without flags GK501 tells
@@ -162,34 +156,28 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> I
     fix="remove a dead agent from `agents` in its None step, as `self._was_dead_step(action)` does",
     looks_at="a None turn of an agent that has ended",
 )
-def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent has one None turn, which removes it: it isn't selected again.
 
     A loop over `agent_iter()` goes on until `agents` is empty. A dead agent that stays there is
     asked again and again; its last reward is read more than once, and the loop may never end.
 
     Bad:
-    ```python
-    if self.terminations[agent]:
-        self.agent_selection = self._selector.next()      # and it comes round again
-        return
-    ```
+        if self.terminations[agent]:
+            self.agent_selection = self._selector.next()      # and it comes round again
+            return
+
     Good:
-    ```python
-    if self.terminations[agent]:
-        return self._was_dead_step(action)                # takes it out of `agents`
-    ```
+        if self.terminations[agent]:
+            return self._was_dead_step(action)                # takes it out of `agents`
     """
     for play in aec_steps(evidence):
         for each in play:
             if each.is_dead:
-                yield Case(
-                    each.trace.at(each.turn + 1, each.actor, "agents"),
-                    each.actor not in each.after,
-                    "gone after its None step",
-                    "still in `agents`",
-                    proof=reproducer_of(dead_agent_is_removed),
-                )
+                where = each.trace.at(each.turn + 1, each.actor, "agents")
+                is_ok = each.actor not in each.after
+                proof = reproducer_of(dead_agent_is_removed)
+                yield Case(where, is_ok, "gone after its None step", "still in `agents`", proof)
 
 
 ROUNDS: Final = 5
@@ -208,7 +196,7 @@ LEAST_TURNS: Final = 20
     "`self._deads_step_first()`",
     looks_at="an agent that has ended and stays in `agents` while others act",
 )
-def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent in `agents` is selected for its None turn before long, and not forgotten.
 
     Until then its learner doesn't know of the end, nor of its last reward. PettingZoo's own way is
@@ -216,21 +204,18 @@ def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) 
     of all agents, and 20 turns at least, are.
 
     Bad:
-    ```python
-    live = [a for a in self.agents if not self.terminations[a]]
-    self.agent_selection = live[self.turn % len(live)]
-    ```
+        live = [a for a in self.agents if not self.terminations[a]]
+        self.agent_selection = live[self.turn % len(live)]
+
     Good:
-    ```python
-    self.agent_selection = live[self.turn % len(live)]
-    self._deads_step_first()
-    ```
+        self.agent_selection = live[self.turn % len(live)]
+        self._deads_step_first()
     """
     for play in aec_steps(evidence):
         yield from _waits(play)
 
 
-def _waits(play: list[AecStep]) -> Iterator[Case]:
+def _waits(play: list[AecStep]) -> Cases:
     since: dict[str, int] = {}
     told: set[str] = set()
     for each in play:
@@ -259,30 +244,23 @@ def _waits(play: list[AecStep]) -> Iterator[Case]:
     fix="leave `agent_iter` as `AECEnv` has it: it yields `agent_selection` until `agents` is "
     "empty, `max_iter` times at most",
 )
-def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_iter` names the agent that is to act, as often as it is asked to.
 
     Everybody plays with `for agent in env.agent_iter():`. An iterator of one's own that runs
     through the agents in its own order gives one agent's observation to another's policy.
 
     Bad:
-    ```python
-    def agent_iter(self, max_iter=2**63):
-        return iter(self.agents)
-    ```
+        def agent_iter(self, max_iter=2**63):
+            return iter(self.agents)
+
     Good:
-    ```python
-    for agent in env.agent_iter():            # AECEnv's own
-        observation, reward, terminated, truncated, info = env.last()
-    ```
+        for agent in env.agent_iter():            # AECEnv's own
+            observation, reward, terminated, truncated, info = env.last()
     """
     for fact in evidence.facts(IteratedAgents):
         seen = fact.value
         is_long = len(seen.named) == seen.asked
-        yield Case(
-            fact.where,
-            is_long and seen.named == seen.selected,
-            f"{seen.asked} turns, of {seen.selected}",
-            f"{seen.named}",
-            proof=fact.proof,
-        )
+        is_ok = is_long and seen.named == seen.selected
+        expected = f"{seen.asked} turns, of {seen.selected}"
+        yield Case(fact.where, is_ok, expected, f"{seen.named}", fact.proof)

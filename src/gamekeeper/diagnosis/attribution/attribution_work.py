@@ -45,7 +45,7 @@ PENALTIES: Final = 4
 """Payments of each agent, term and episode whose cause is looked for; of more they are drawn."""
 
 
-def scan(bench: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[str, Any]:
+def scan(runner: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[str, Any]:
     """Everything that is looked at in one episode, as plain data.
 
     `return`; `noise`: the first turn that differs although nothing was changed, or None; `all`: by
@@ -56,8 +56,8 @@ def scan(bench: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[
     None.
     """
     rng = np.random.default_rng([seed, paper.number, paper.run == "fresh"])
-    base = bench.from_paper(paper, sees=True)
-    noise = first_difference(base, bench.from_paper(paper, sees=True))
+    base = runner.from_paper(paper, sees=True)
+    noise = first_difference(base, runner.from_paper(paper, sees=True))
     agents = list(base.actions)
     if len(agents) > MOST_AGENTS:
         agents = [agents[k] for k in sorted(rng.permutation(len(agents))[:MOST_AGENTS].tolist())]
@@ -69,15 +69,15 @@ def scan(bench: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[
         "noise": noise,
         "left_paper": base.left_paper,
     }
-    idle = {agent: bench.from_paper(paper, Swap(agent, None, "noop")) for agent in agents}
+    idle = {agent: runner.from_paper(paper, Swap(agent, None, "noop")) for agent in agents}
     found["all"] = {a: base.team_return() - film.team_return() for a, film in idle.items()}
     found["one"] = {
         agent: float(np.mean(gains))
         for agent in agents
-        if (gains := list(_single(bench, paper, base, agent, rng)))
+        if (gains := list(_single(runner, paper, base, agent, rng)))
     }
-    found["influence"] = _influence(bench, paper, base, agents, noise, rng)
-    found["penalties"] = _penalties(bench, paper, base, noise, rng)
+    found["influence"] = _influence(runner, paper, base, agents, noise, rng)
+    found["penalties"] = _penalties(runner, paper, base, noise, rng)
     found["terms"] = {agent: _sums(base, agent) for agent in base.actions} if base.has_terms else {}
     told = base.info_terms
     found["untold"] = None if told is None or told.hold else sorted(told.declared - told.found)
@@ -110,16 +110,16 @@ def _drawn(items: list[Any], most: int, rng: Generator) -> list[Any]:
 
 
 def _single(
-    bench: ReplacementRunner, paper: EpisodeActions, base: ActionTrack, agent: str, rng: Generator
+    runner: ReplacementRunner, paper: EpisodeActions, base: ActionTrack, agent: str, rng: Generator
 ) -> Iterator[float]:
     """Loss of the team where one action is replaced by the noop."""
     active = [turn for turn, name, is_noop in base.moves if name == agent and not is_noop]
     for turn in _drawn(active, ONE, rng):
-        yield base.team_return() - bench.from_paper(paper, Swap(agent, turn, "noop")).team_return()
+        yield base.team_return() - runner.from_paper(paper, Swap(agent, turn, "noop")).team_return()
 
 
 def _influence(
-    bench: ReplacementRunner,
+    runner: ReplacementRunner,
     paper: EpisodeActions,
     base: ActionTrack,
     agents: list[str],
@@ -132,7 +132,7 @@ def _influence(
     for agent in agents:
         turns = [turn for turn, name, _ in base.moves if name == agent]
         for turn in _drawn(turns, LOOKS, rng):
-            film = bench.from_paper(
+            film = runner.from_paper(
                 paper, Swap(agent, turn, "other"), turns=turn + LATER + 2, rng=rng, sees=True
             )
             done = film.actions[agent]
@@ -173,7 +173,7 @@ def changes(
 
 
 def _penalties(
-    bench: ReplacementRunner,
+    runner: ReplacementRunner,
     paper: EpisodeActions,
     base: ActionTrack,
     noise: int | None,
@@ -182,7 +182,7 @@ def _penalties(
     """Penalties that a term's earner should have got, and the agent that caused them."""
     if paper.run != "recorded":
         return []
-    costs = payments(base, bench.contract, has_terms=base.has_terms)
+    costs = payments(base, runner.contract, has_terms=base.has_terms)
     paid: dict[tuple[str, str], list[int]] = {}
     for turn, terms in enumerate(costs):
         for agent, own in terms.items():
@@ -197,7 +197,7 @@ def _penalties(
             "seed": paper.seed,
             "paid": costs[turn][agent][term],
             "of": len(turns),
-            "causers": _causers(bench, paper, base, (term, agent, turn), costs[turn][agent][term]),
+            "causers": _causers(runner, paper, base, (term, agent, turn), costs[turn][agent][term]),
         }
         for (term, agent), turns in paid.items()
         for turn in _drawn(turns, PENALTIES, rng)
@@ -232,7 +232,7 @@ def payments(
 
 
 def _causers(
-    bench: ReplacementRunner,
+    runner: ReplacementRunner,
     paper: EpisodeActions,
     base: ActionTrack,
     what: tuple[str, str, int],
@@ -258,10 +258,10 @@ def _causers(
         at, is_noop = last[name]
         if is_noop or at < first:
             return False
-        film = bench.from_paper(paper, Swap(name, at, "noop"), turns=turn + 1)
+        film = runner.from_paper(paper, Swap(name, at, "noop"), turns=turn + 1)
         if len(film.rewards) <= turn:
             return True
-        paid = payments(film, bench.contract, has_terms=base.has_terms)[turn]
+        paid = payments(film, runner.contract, has_terms=base.has_terms)[turn]
         now = paid.get(payer, {}).get(term, 0.0)
         return now > cost + 1e-12
 
@@ -365,8 +365,8 @@ def gather(
         for share in _rounds(units, found, budget):
             left = [unit for unit in share if unit[:2] not in known]
             if left and workers == 0:
-                with ReplacementRunner(task) as bench:
-                    play_share(bench, *_sorted(left), take)
+                with ReplacementRunner(task) as runner:
+                    play_share(runner, *_sorted(left), take)
             elif left:
                 _apart(task, *_sorted(left), workers, silence_s, take)
     return found.in_order()
@@ -447,7 +447,7 @@ def _kept(found: ContributionData, count: int, notes: Path | None) -> list[str]:
 
 
 def play_share(
-    bench: ReplacementRunner,
+    runner: ReplacementRunner,
     papers: Sequence[EpisodeActions],
     closed: Sequence[int],
     fresh: Sequence[int],
@@ -455,33 +455,33 @@ def play_share(
 ) -> None:
     """Plays a part of what is wanted; what comes of it depends on nothing but the episode."""
     for number in closed:
-        before = bench.steps
-        unit = {"kind": "closed", "number": number, "value": _coalitions(bench, number)}
-        take({**unit, "steps": bench.steps - before})
+        before = runner.steps
+        unit = {"kind": "closed", "number": number, "value": _coalitions(runner, number)}
+        take({**unit, "steps": runner.steps - before})
     looked_into: list[EpisodeActions | int] = [*papers, *fresh]
     for each in looked_into:
-        before = bench.steps
-        paper = bench.fresh(each) if isinstance(each, int) else each
-        unit = {"kind": paper.run, "number": paper.number, "value": _looked_into(bench, paper)}
-        take({**unit, "steps": bench.steps - before})
+        before = runner.steps
+        paper = runner.fresh(each) if isinstance(each, int) else each
+        unit = {"kind": paper.run, "number": paper.number, "value": _looked_into(runner, paper)}
+        take({**unit, "steps": runner.steps - before})
 
 
-def _looked_into(bench: ReplacementRunner, paper: EpisodeActions) -> dict[str, list[Any]]:
+def _looked_into(runner: ReplacementRunner, paper: EpisodeActions) -> dict[str, list[Any]]:
     """Effects of single actions in an episode, and the messages that were said and heard in it."""
-    at, seed = {"run": paper.run, "number": paper.number}, bench.task.seed
-    heard = listened(bench, paper, seed=seed) if paper.run == "fresh" else ()
+    at, seed = {"run": paper.run, "number": paper.number}, runner.task.seed
+    heard = listened(runner, paper, seed=seed) if paper.run == "fresh" else ()
     return {
-        "scans": [scan(bench, paper, seed=seed)],
-        "said": [{**at, **each} for each in said(bench, paper)],
+        "scans": [scan(runner, paper, seed=seed)],
+        "said": [{**at, **each} for each in said(runner, paper)],
         "listened": [{**at, **each} for each in heard],
     }
 
 
-def _coalitions(bench: ReplacementRunner, number: int) -> list[list[float]]:
-    players = bench.task.players
-    rng = np.random.default_rng([bench.task.seed, number])
+def _coalitions(runner: ReplacementRunner, number: int) -> list[list[float]]:
+    players = runner.task.players
+    rng = np.random.default_rng([runner.task.seed, number])
     masks, _ = wanted(len(players), rng=rng)
-    return [[mask, bench.closed(number, members(mask, players)).team_return()] for mask in masks]
+    return [[mask, runner.closed(number, members(mask, players)).team_return()] for mask in masks]
 
 
 def members(mask: int, players: Sequence[str]) -> list[str]:
@@ -545,6 +545,6 @@ def share_task(
         return ReplacementRunner(ReplacementTask.from_json(task), on_step=report)
 
     found: list[Mapping[str, Any]] = []
-    with kept_open(json.dumps(task, sort_keys=True), make) as bench:
-        play_share(bench, [paper_from_json(each) for each in papers], closed, fresh, found.append)
+    with kept_open(json.dumps(task, sort_keys=True), make) as runner:
+        play_share(runner, [paper_from_json(each) for each in papers], closed, fresh, found.append)
     return found

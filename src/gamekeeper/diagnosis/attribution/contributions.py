@@ -137,14 +137,14 @@ def attribute(
         run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
     )
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
-        with ReplacementRunner(task) as bench:
+        with ReplacementRunner(task) as runner:
             if closed and env is None:
-                check_last(evidence, bench.opened)
+                check_last(evidence, runner.opened)
             recorded: list[EpisodeActions] = [
-                bench.paper_of(trace) for trace in traces[:action_episodes]
+                runner.paper_of(trace) for trace in traces[:action_episodes]
             ]
-            roles = {name: bench.role_of(name) for name in players}
-            head = {"run": evidence.fingerprint, **bench.identity}
+            roles = {name: runner.role_of(name) for name in players}
+            head = {"run": evidence.fingerprint, **runner.identity}
         fresh = min(max(action_episodes - len(recorded), 0), closed)
         found = gather(
             task,

@@ -92,16 +92,16 @@ def spoken_fields(contract: Contract, env: Any, agent: Any) -> tuple[MessageFiel
 # -- what was said
 
 
-def said(bench: ReplacementRunner, paper: EpisodeActions) -> Iterator[dict[str, Any]]:
+def said(runner: ReplacementRunner, paper: EpisodeActions) -> Iterator[dict[str, Any]]:
     """By speaker: its messages, the numbers it saw, and what others did at their next turn."""
     speakers = [
         agent
-        for agent in getattr(bench.env, "possible_agents", ())
-        if agent_name(agent) in paper.actions and spoken_fields(bench.contract, bench.env, agent)
+        for agent in getattr(runner.env, "possible_agents", ())
+        if agent_name(agent) in paper.actions and spoken_fields(runner.contract, runner.env, agent)
     ]
     if not speakers:
         return
-    film = bench.watched(Hearing(bench.env, bench.contract, paper=paper), paper)
+    film = runner.watched(Hearing(runner.env, runner.contract, paper=paper), paper)
     deeds: dict[str, list[tuple[int, str]]] = {}
     counts: dict[str, int] = {}
     for turn, name, _ in film.moves:
@@ -109,7 +109,7 @@ def said(bench: ReplacementRunner, paper: EpisodeActions) -> Iterator[dict[str, 
         counts[name] = place + 1
         deeds.setdefault(name, []).append((turn, word(film.actions[name][place])))
     for agent in speakers:
-        name, fields = agent_name(agent), spoken_fields(bench.contract, bench.env, agent)
+        name, fields = agent_name(agent), spoken_fields(runner.contract, runner.env, agent)
         turns = [turn for turn, _ in deeds.get(name, ())]
         yield {
             "from": name,
@@ -172,7 +172,7 @@ def _flat(value: Any) -> NDArray[np.float64]:
 
 
 def listened(
-    bench: ReplacementRunner, paper: EpisodeActions, *, seed: int
+    runner: ReplacementRunner, paper: EpisodeActions, *, seed: int
 ) -> Iterator[dict[str, Any]]:
     """Looks at whether a listener, shown another message at one decision, decides otherwise.
 
@@ -181,22 +181,24 @@ def listened(
     """
     listeners = [
         (agent_name(agent), parts)
-        for agent in getattr(bench.env, "possible_agents", ())
+        for agent in getattr(runner.env, "possible_agents", ())
         if agent_name(agent) in paper.actions
-        and (parts := heard_parts(bench.contract, bench.env, agent))
+        and (parts := heard_parts(runner.contract, runner.env, agent))
     ]
-    if not listeners or bench.own is None:
+    if not listeners or runner.own is None:
         return
     rng = np.random.default_rng([seed, paper.number, 3])
     base, strange = (
-        bench.reacting(Hearing(bench.env, bench.contract, cast=bench.own), number)
+        runner.reacting(Hearing(runner.env, runner.contract, cast=runner.own), number)
         for number in (paper.number, paper.number + STRANGE)
     )
     for name, parts in listeners:
         for turn, other in _pairs(base, strange, name, parts, rng):
             told, same = (
-                bench.reacting(
-                    Hearing(bench.env, bench.contract, cast=bench.own, told=(turn, name, parts, x)),
+                runner.reacting(
+                    Hearing(
+                        runner.env, runner.contract, cast=runner.own, told=(turn, name, parts, x)
+                    ),
                     paper.number,
                     turns=turn + 1,
                 )

@@ -187,10 +187,10 @@ class Chooser:
         self._mask = contract.mask_of(agent)
         self._read = reader(self._mask)
         self._noop = contract.noop_of(agent)
-        self._seat = AgentSlot(agent, self._space, contract.role_of(agent), self._noop, self._mask)
+        self._slot = AgentSlot(agent, self._space, contract.role_of(agent), self._noop, self._mask)
         self._still: Any = None
         if self._noop is not None:
-            self._still = noop.seat(self._seat)(np.random.default_rng(0))
+            self._still = noop.start_for(self._slot)(np.random.default_rng(0))
         self._first: Any = None
 
     def is_legal(self, action: Any, seen: Any, info: Any) -> bool:
@@ -209,7 +209,7 @@ class Chooser:
             if self.is_legal(action, seen, info):
                 return action
         if self._first is None:
-            self._first = first_legal.seat(self._seat)(np.random.default_rng(0))
+            self._first = first_legal.start_for(self._slot)(np.random.default_rng(0))
         return self._first(seen, info)
 
     def other(self, action: Any, seen: Any, info: Any, rng: Generator) -> Any:
@@ -224,7 +224,7 @@ class Chooser:
             if not places:
                 return action
             return space.dtype.type(int(space.start) + places[int(rng.integers(len(places)))])
-        draw = random.seat(self._seat)(rng)
+        draw = random.start_for(self._slot)(rng)
         for _ in range(8):
             drawn = draw(seen, info)
             if fingerprint(drawn) != fingerprint(action):

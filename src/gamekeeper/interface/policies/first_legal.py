@@ -16,7 +16,7 @@ VERSION: Final = "1"
 """Changes when it would choose other actions."""
 
 
-def seat(given: AgentSlot) -> Start:
+def start_for(given: AgentSlot) -> Start:
     """The lowest legal number, part by part in compound spaces.
 
     Box: the lower bound, or what is nearest to zero where there is none. Text: the shortest.

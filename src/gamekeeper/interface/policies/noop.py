@@ -16,7 +16,7 @@ VERSION: Final = "1"
 """Changes when it would choose other actions."""
 
 
-def seat(given: AgentSlot) -> Start:
+def start_for(given: AgentSlot) -> Start:
     """The declared action in the space's own types; arrays are new at every turn.
 
     Raises:

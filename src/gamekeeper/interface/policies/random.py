@@ -25,7 +25,7 @@ _REMEMBERED: Final = 1024
 """Masks whose legal actions are remembered, for all agents of equal spaces."""
 
 
-def seat(given: AgentSlot) -> Start:
+def start_for(given: AgentSlot) -> Start:
     """Draws from the agent's own stream, never from the environment's spaces.
 
     Masked Discrete and MultiDiscrete spaces: uniform over what is legal. A mask that leaves nothing

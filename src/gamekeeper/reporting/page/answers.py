@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TypedDict
 import numpy as np
 
 from gamekeeper.checks.verdict import SEVERITIES
+from gamekeeper.reporting.audit_text import broken_rule
 from gamekeeper.reporting.diagnosis_screen import CAUSES
 from gamekeeper.reporting.diagnosis_text import acted_text, answer_sentence, restored_first
 from gamekeeper.reporting.page.audit_sections import failed_words
@@ -433,8 +434,8 @@ def _findings(audit: Document | None) -> Answer | None:
 def _broken(verdict: Document) -> str:
     """The rule that was broken, worded as the command line does, and where first."""
     place = str((verdict.get("findings") or [{}])[0].get("where", ""))
-    rule = str(verdict.get("claim", "")).rstrip(".")
-    return f"{verdict['id']}  Rule broken: {rule}.{f' First at {place}' if place else ''}"
+    rule = broken_rule(verdict).rstrip(".")
+    return f"{verdict['id']}  {rule}.{f' First broken at {place}' if place else ''}"
 
 
 def _compared(evaluation: Document | None) -> Answer | None:

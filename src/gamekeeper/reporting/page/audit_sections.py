@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.checks.verdict import SEVERITIES
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.reporting.audit_text import broken_rule
 from gamekeeper.reporting.influence_text import lag_unit
 from gamekeeper.reporting.measured_text import (
     APART,
@@ -107,9 +108,10 @@ def _weight(judged: VerdictEntry) -> tuple[int, int, str]:
 def _judged(verdict: Mapping[str, Any]) -> VerdictEntry:
     id = str(verdict.get("id"))
     place = anchor_of(id)
+    broken = verdict.get("outcome") in ("failed", "suspected")
     return VerdictEntry(
         id=id,
-        claim=str(verdict.get("claim", "")),
+        claim=broken_rule(verdict) if broken else str(verdict.get("claim", "")),
         outcome=str(verdict.get("outcome")),
         severity=str(verdict.get("severity", "")),
         reason=str(verdict.get("reason") or ""),

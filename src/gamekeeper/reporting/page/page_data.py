@@ -113,7 +113,8 @@ class VerdictEntry:
     """Verdict of one check.
 
     Attributes:
-        id, claim, outcome, severity, reason: as the audit has them.
+        id, outcome, severity, reason: as the audit has them.
+        claim: the rule; of a failed or suspected check, `Should hold: ` before it.
         cases: number of cases, and of failed ones, in words.
         findings: the first of them.
     """

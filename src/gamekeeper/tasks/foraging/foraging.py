@@ -312,6 +312,6 @@ class Foraging(KernelTicks):
         """The field in letters, or in cells of 24 pixels, [24 rows, 24 columns, 3]."""
         if self.render_mode is None:
             return None
-        rows, columns = (side - 2 for side in self.bench.records["grid"].shape[1:])
+        rows, columns = (side - 2 for side in self.memory.records["grid"].shape[1:])
         players = len(self.possible_agents)
         return draw(self.state(), players, (rows, columns), is_text=self.render_mode == "ansi")

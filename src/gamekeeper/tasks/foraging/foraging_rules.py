@@ -348,10 +348,8 @@ class FoodField:
         last = [side - 1 for side in self.size]
         low, high = [-1, -1, 0] * self.foods, [*last, self.best] * self.foods
         if self.shows_levels:
-            low, high = (
-                low + [-1, -1, 0] * self.players,
-                high + [*last, self.strongest] * self.players,
-            )
+            low = low + [-1, -1, 0] * self.players
+            high = high + [*last, self.strongest] * self.players
         else:
             low, high = low + [-1, -1] * self.players, high + last * self.players
         return Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)

@@ -254,13 +254,8 @@ class Handover(DisturbedTurns, MaskedTurns):
         check_sizes(sizes, shared=2 if settings.held_out else 1)
         kernel = handover_kernel(**sizes, horizon=horizon)
         super().__init__(kernel, render_mode=render_mode, debug=debug)
-        self.reach, self.shared, self.parts, self.tray_size, self.gap = (
-            reach,
-            shared,
-            parts,
-            tray,
-            gap,
-        )
+        self.reach, self.shared, self.gap = reach, shared, gap
+        self.parts, self.tray_size = parts, tray
         self.cells, self.furthest = 2 * reach + shared, reach + shared - 1
         self.disturb(
             settings,
@@ -274,7 +269,7 @@ class Handover(DisturbedTurns, MaskedTurns):
     @property
     def arms(self) -> dict[str, Arm]:
         """The arms as they are now."""
-        record = self.bench.records[0]
+        record = self.memory.records[0]
         columns = (record[name].tolist() for name in ("extension", "holds", "ready"))
         arms = [Arm(at, part or None, ready) for at, part, ready in zip(*columns, strict=True)]
         return dict(zip(AGENTS, arms, strict=True))
@@ -282,14 +277,14 @@ class Handover(DisturbedTurns, MaskedTurns):
     @property
     def tray(self) -> list[int]:
         """The numbers of the parts in the tray, the one that came first in front."""
-        record = self.bench.records[0]
+        record = self.memory.records[0]
         parts: list[int] = record["tray"][: record["lying"]].tolist()
         return parts
 
     @property
     def slot(self) -> int | None:
         """The number of the part in the slot."""
-        return int(self.bench.records["slot"][0]) or None
+        return int(self.memory.records["slot"][0]) or None
 
     @property
     def slot_cell(self) -> int:
@@ -299,17 +294,17 @@ class Handover(DisturbedTurns, MaskedTurns):
     @property
     def delivered(self) -> int:
         """Parts in the bin."""
-        return int(self.bench.records["delivered"][0])
+        return int(self.memory.records["delivered"][0])
 
     @property
     def clock(self) -> int:
         """The time, in units."""
-        return int(self.bench.records["clock"][0])
+        return int(self.memory.records["clock"][0])
 
     @property
     def arrivals(self) -> list[int]:
         """When the parts come that haven't yet."""
-        record = self.bench.records[0]
+        record = self.memory.records[0]
         times: list[int] = record["arrivals"][record["arrived"] :].tolist()
         return times
 
@@ -321,7 +316,7 @@ class Handover(DisturbedTurns, MaskedTurns):
 
     def whereabouts(self) -> list[int]:
         """Extension of the arms."""
-        extensions: list[int] = self.bench.records["extension"][0].tolist()
+        extensions: list[int] = self.memory.records["extension"][0].tolist()
         return extensions
 
     def held_out(self, rng: Stream) -> NDArray[Any]:
@@ -337,7 +332,7 @@ class Handover(DisturbedTurns, MaskedTurns):
 
     def carried_out(self, chosen: int, done: int) -> int:
         """A fault is what was chosen (R9); `instead` says what was done."""
-        self.bench.records["instead"] = 1 + done
+        self.memory.records["instead"] = 1 + done
         return chosen
 
     def believed(self, agent: str) -> NDArray[np.int64]:

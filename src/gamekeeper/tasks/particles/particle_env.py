@@ -73,7 +73,7 @@ class ParticleTicks(Pictured, KernelTicks):
 
     def places(self) -> NDArray[np.float64]:
         """Places of agents, then of marks, [bodies, 2]."""
-        s = self.bench.records
+        s = self.memory.records
         x, y = (np.concatenate([s[axis][0], s[f"mark_{axis}"][0]]) for axis in "xy")
         return np.stack([x, y], axis=1)
 

@@ -178,10 +178,10 @@ class Reference(ParticleTicks):
 
     def tint(self) -> list[Color]:
         """Agents have the colours of their goals."""
-        goals = self.bench.records["goal"][0].tolist()
+        goals = self.memory.records["goal"][0].tolist()
         return [shade(COLORS[goals[1]]), shade(COLORS[goals[0]]), *self.colors[2:]]
 
     def notes(self) -> list[str]:
         """Words that were said, a line each."""
-        said = self.bench.records["said"][0]
+        said = self.memory.records["said"][0]
         return [f"{a} says {spoken(w)}" for a, w in zip(self.possible_agents, said, strict=True)]

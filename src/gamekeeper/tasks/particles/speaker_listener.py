@@ -184,9 +184,9 @@ class SpeakerListener(ParticleTicks):
 
     def tint(self) -> list[Color]:
         """The listener has a lighter shade of its goal's colour."""
-        goal = int(self.bench.records["goal"][0])
+        goal = int(self.memory.records["goal"][0])
         return [STONE, shade(COLORS[goal] + LIGHTER), *self.colors[2:]]
 
     def notes(self) -> list[str]:
         """Words that were said, a line each."""
-        return [f"speaker_0 says {spoken(self.bench.records['said'][0])}"]
+        return [f"speaker_0 says {spoken(self.memory.records['said'][0])}"]

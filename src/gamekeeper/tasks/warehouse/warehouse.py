@@ -392,7 +392,7 @@ class WarehouseRules(drawing.Pictured, Disturbed):
 
     def read(self, name: str) -> NDArray[Any]:
         """A field of the state, the state's own memory (see `warehouse_floor.state_of`)."""
-        return np.asarray(self.bench.records[name][0])
+        return np.asarray(self.memory.records[name][0])
 
     # -- observations
 
@@ -409,7 +409,7 @@ class WarehouseRules(drawing.Pictured, Disturbed):
 
     def _by_rule(self, rule: Any, agent: str, out: NDArray[Any]) -> NDArray[Any]:
         """Returns the numbers that a rule writes about one robot."""
-        s, t = Copy(self.bench.records.reshape(())), Copy(self.tables.reshape(()))
+        s, t = Copy(self.memory.records.reshape(())), Copy(self.tables.reshape(()))
         _plainly(rule)(s, t, self.number_of[agent], out.view(Plain))
         return out
 
@@ -432,7 +432,7 @@ class WarehouseRules(drawing.Pictured, Disturbed):
     def strayed(self) -> None:
         """Tells the rules where robots believe to be."""
         assert self.disturbances is not None  # asked under knobs alone
-        self.bench.records["drift"][0] = list(self.disturbances.drift.values())
+        self.memory.records["drift"][0] = list(self.disturbances.drift.values())
 
     # -- pictures
 

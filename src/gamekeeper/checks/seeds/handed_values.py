@@ -1,0 +1,508 @@
+"""Checks of values handed out or over: they stay, are copies, and agents have their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+from gamekeeper.checks.case import Case, Cases, Reproducer
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, check
+from gamekeeper.checks.facts.handed_facts import (
+    HandedActions,
+    HandedOptions,
+    KeptValues,
+    SharedValues,
+    WrittenValues,
+)
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import actions_are_read_at_once, actions_stay
+from gamekeeper.checks.story import env_steps_of, first_divergence_words
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.canonical import shown
+
+T = TypeVar("T")
+PLACES = {"observations": 0, "rewards": 1, "terminations": 2, "truncations": 3, "infos": -1}
+"""Place of each part in the tuple that a Parallel environment's step returns."""
+
+
+def kept_cases(evidence: ProbeEvidence, *fields: str) -> Cases:
+    """Yields a case for every look at things of these kinds that were handed out earlier."""
+    for fact in evidence.facts(KeptValues):
+        if fact.where.field not in fields:
+            continue
+        changed = fact.value.changed
+        fine = fact.value.looks - (changed is not None)
+        for _ in range(fine):
+            yield Case(fact.where, True)
+        if changed is not None:
+            expected = f"what was handed out at turn {changed.given} stays as it is"
+            proof = _kept_proof(evidence.api, fact.where.field)
+            yield Case(fact.where, False, expected, f"it has changed by turn {changed.seen}", proof)
+
+
+def _of(evidence: ProbeEvidence, kind: type[T], field: str) -> Iterator[Fact[T]]:
+    """Facts of a kind about one field."""
+    return (fact for fact in evidence.facts(kind) if fact.where.field == field)
+
+
+def _is_one_for_all(evidence: ProbeEvidence, field: str) -> bool:
+    """Tells whether agents share memory that is used again: one fault, which one check tells."""
+    is_shared = any(fact.value.pair for fact in _of(evidence, SharedValues, field))
+    return is_shared and any(fact.value.changed for fact in _of(evidence, KeptValues, field))
+
+
+def without_state(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    """Reason why no value of `state()` can change: there is none, or it is plain."""
+    fields = {fact.where.field for fact in evidence.facts(KeptValues)}
+    return "it has no state() that hands out arrays" if fields and "state" not in fields else None
+
+
+def apart_cases(evidence: ProbeEvidence, field: str) -> Cases:
+    """Yields a case for every pair of agents whose memory was compared."""
+    for fact in _of(evidence, SharedValues, field):
+        pair = fact.value.pair
+        for _ in range(fact.value.looks - fact.value.shared):
+            yield Case(fact.where, True)
+        if pair is not None:
+            one, other = pair
+            yield from [
+                Case(
+                    fact.where,
+                    False,
+                    "memory of its own for each agent",
+                    f"{one!r} and {other!r} were given the same",
+                    proof=_apart_proof(evidence.api, field, one, other),
+                )
+            ] * fact.value.shared
+
+
+def _kept_proof(api: str, field: str) -> Reproducer:
+    """Plays, keeps everything beside a copy, and compares at the end."""
+    value = "env.state()" if field == "state" else f"out[{PLACES[field]}]"
+    if api == "parallel":
+        first = value if field in ("observations", "infos", "state") else "{}"
+        lines = (
+            "env = make()\n"
+            "out = env.reset(seed=SEED)\n"
+            f"value = {first}\n"
+            "given = [(value, copy.deepcopy(value))]\n"
+            "for actions in ACTIONS:\n"
+            "    out = env.step(actions)\n"
+            f"    value = {value}\n"
+            "    given.append((value, copy.deepcopy(value)))\n"
+        )
+    else:
+        lines = (
+            "env = make()\n"
+            "env.reset(seed=SEED)\n"
+            "given = []\n"
+            "for turn in range(len(ACTIONS) + 1):\n"
+            "    if not env.agents:\n"
+            "        break\n"
+            "    out = env.last()\n"
+            f"    value = {value}\n"
+            "    given.append((value, copy.deepcopy(value)))\n"
+            "    if turn < len(ACTIONS):\n"
+            "        env.step(ACTIONS[turn])\n"
+        )
+    lines += "for value, copied in given:\n    np.testing.assert_equal(value, copied)"
+    return Reproducer(lines, plays=False, imports=("copy",))
+
+
+def _apart_proof(api: str, field: str, one: object, other: object) -> str:
+    """Changes what one was given, and looks at what the other was given."""
+    if api == "parallel":
+        mine, theirs = f"{field}[{one!r}]", f"{field}[{other!r}]"
+    elif field == "infos":
+        mine, theirs = f"env.infos[{one!r}]", f"env.infos[{other!r}]"
+    else:
+        mine, theirs = f"env.observe({one!r})", f"env.observe({other!r})"
+    return (
+        "def arrays(value):\n"
+        "    items = value.values() if isinstance(value, dict) else value\n"
+        "    if isinstance(value, np.ndarray):\n"
+        "        return [value] if value.dtype.kind in 'biufc' and value.ndim else []\n"
+        "    if isinstance(value, (dict, list, tuple)):\n"
+        "        return [array for item in items for array in arrays(item)]\n"
+        "    return []\n"
+        f"mine, theirs = {mine}, {theirs}\n"
+        "assert mine is not theirs\n"
+        "assert not any(np.shares_memory(a, b) for a in arrays(mine) for b in arrays(theirs))"
+    )
+
+
+@check(
+    "GK610",
+    needs=("kept",),
+    severity=HIGH,
+    fix="return a new array from every call (or a copy of the buffer), the mask's too",
+)
+def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """An observation that was handed out doesn't change at a later turn.
+
+    A replay buffer keeps observations by reference. Where the environment writes the next one into
+    the same array, all that was learned from the earlier ones was learned from wrong data.
+
+    Bad:
+        def observe(self, agent):
+            self.planes[agent][...] = self.board == self.token[agent]
+            return self.planes[agent]           # the same array at every turn
+
+    Good:
+        def observe(self, agent):
+            return (self.board == self.token[agent]).astype(np.int8)
+    """
+    yield from kept_cases(evidence, "observations")
+
+
+@check(
+    "GK611",
+    needs=("kept",),
+    severity=MEDIUM,
+    fix="build a new info for every step, with copies of arrays such as action masks",
+)
+def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """An info that was handed out, an action mask in it too, doesn't change at a later turn.
+
+    A buffer that keeps infos, masks above all, for learning later then has those of another turn.
+
+    Bad:
+        self.infos[agent]["action_mask"] = self.legal       # one array, written to at every step
+
+    Good:
+        self.infos[agent] = {"action_mask": self.legal.copy()}
+    """
+    if not _is_one_for_all(evidence, "infos"):  # GK615 tells it
+        yield from kept_cases(evidence, "infos")
+
+
+@check(
+    "GK612",
+    needs=("kept",),
+    severity=HIGH,
+    fix="return a copy from state(): `return self.world.copy()`",
+    applies=without_state,
+)
+def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Values that state() returned don't change at a later turn.
+
+    A central critic that keeps states by reference learns from the last one alone.
+
+    Bad:
+        def state(self):
+            return self.world               # the array that step() writes to
+
+    Good:
+        def state(self):
+            return self.world.copy()
+    """
+    yield from kept_cases(evidence, "state")
+
+
+@check(
+    "GK613",
+    needs=("kept",),
+    severity=MEDIUM,
+    fix="return new dictionaries from every step: `return obs, dict(self.rewards), ...`",
+    api="parallel",
+)
+def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The dictionaries of rewards and endings that step returned don't change at a later step.
+
+    A rollout that is kept step by step, as every learner does, holds the last step's rewards again
+    and again. (The attributes of an AEC environment are another thing: those are written in place.)
+
+    Bad:
+        for agent in self.agents:
+            self.rewards[agent] = self.score(agent)
+        return observations, self.rewards, ...
+
+    Good:
+        rewards = {agent: self.score(agent) for agent in self.agents}
+        return observations, rewards, ...
+    """
+    yield from kept_cases(evidence, "rewards", "terminations", "truncations")
+
+
+@check(
+    "GK614",
+    needs=("kept",),
+    severity=MEDIUM,
+    fix="give each agent an array of its own: `{agent: view.copy() for agent in self.agents}`",
+)
+def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The observations of two agents share no memory that can be written to.
+
+    A wrapper that normalises one agent's observation in place normalises the other's as well.
+    Equal observations are fine in arrays of their own, or in one that is read-only, holds texts or
+    has no axis.
+
+    Bad:
+        view = self.board_view()
+        return {agent: view for agent in self.agents}
+
+    Good:
+        return {agent: self.board_view() for agent in self.agents}
+    """
+    if not _is_one_for_all(evidence, "observations"):  # GK610 tells it
+        yield from apart_cases(evidence, "observations")
+
+
+@check(
+    "GK615",
+    needs=("kept",),
+    severity=MEDIUM,
+    fix="`{agent: {} for agent in self.agents}`, not `dict.fromkeys(self.agents, {})`",
+)
+def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The infos of two agents are not one dictionary, nor do they share an array.
+
+    An entry that is put into one agent's info, by a wrapper for instance, stands in the other's
+    too.
+
+    Bad:
+        infos = dict.fromkeys(self.agents, {})
+
+    Good:
+        infos = {agent: {} for agent in self.agents}
+    """
+    yield from apart_cases(evidence, "infos")
+
+
+def written_cases(evidence: ProbeEvidence, kind: str) -> Cases:
+    """Yields a case for every play in which things of this kind were overwritten."""
+    for fact in evidence.facts(WrittenValues):
+        if fact.where.field == kind:
+            seen = fact.value.seen
+            yield Case(
+                fact.where,
+                seen is None,
+                "the play goes on as if nothing was written",
+                "it goes on the same" if seen is None else seen,
+                proof=fact.proof,
+            )
+
+
+def none_of(kind: str, reason: str) -> Callable[[Contract, ProbeEvidence], str | None]:
+    """Says that nothing of this kind can be written into, where that was looked at."""
+
+    def against(contract: Contract, evidence: ProbeEvidence) -> str | None:
+        kinds = {fact.where.field for fact in evidence.facts(WrittenValues)}
+        return reason if kinds and kind not in kinds else None
+
+    return against
+
+
+@check(
+    "GK620",
+    needs=("written",),
+    severity=HIGH,
+    fix="return copies: no array that the rules, or a cache, will read again",
+    applies=none_of("observations", "observations hold no array that can be written to"),
+)
+def written_observations_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an observation doesn't change the game.
+
+    Wrappers and learners scale observations in place. Where those are the game's own arrays, an
+    agent moves pieces by looking at them.
+
+    Bad:
+        def observe(self, agent):
+            return self.board
+
+    Good:
+        def observe(self, agent):
+            return self.board.copy()
+    """
+    yield from written_cases(evidence, "observations")
+
+
+@check(
+    "GK621",
+    needs=("written",),
+    severity=HIGH,
+    fix='put copies into infos: `{"position": self.position.copy()}`',
+    applies=none_of("infos", "infos hold no array that can be written to"),
+)
+def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an array of an info doesn't change the game.
+
+    Wrappers scale what they find there in place. Where it is the game's own array, they move it.
+
+    Bad:
+        infos[agent] = {"position": self.position[agent]}       # a view of the game's own array
+
+    Good:
+        infos[agent] = {"position": self.position[agent].copy()}
+    """
+    yield from written_cases(evidence, "infos")
+
+
+@check(
+    "GK622",
+    needs=("written",),
+    severity=HIGH,
+    fix="return a copy from state(): `return self.world.copy()`",
+    applies=none_of("state", "it has no state() that only looks and hands out arrays"),
+)
+def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into what state() handed out doesn't change the game.
+
+    A central critic that normalises its input in place would move the agents themselves.
+
+    Bad:
+        def state(self):
+            return self.world
+
+    Good:
+        def state(self):
+            return self.world.copy()        # the caller's own
+    """
+    yield from written_cases(evidence, "state")
+
+
+@check(
+    "GK623",
+    needs=("written",),
+    severity=MEDIUM,
+    fix="return new dictionaries: `return observations, dict(self.rewards), ...`",
+    api="parallel",
+)
+def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Emptying the dictionaries that reset and step returned doesn't change the game.
+
+    Wrappers take entries of agents that are gone out of them. Where they are the environment's own
+    books, its next step crashes or forgets who has ended.
+
+    Bad:
+        return observations, self.rewards, self.terminations, self.truncations, self.infos
+
+    Good:
+        return observations, dict(self.rewards), dict(self.terminations), ...
+    """
+    yield from written_cases(evidence, "dictionaries")
+
+
+@check(
+    "GK624",
+    needs=("written",),
+    severity=MEDIUM,
+    fix='hand out a copy of the mask: `{"action_mask": self.legal.copy()}`',
+    applies=none_of("masks", "no action mask is handed out that can be written to"),
+)
+def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an action mask, in an observation or an info, doesn't change what is legal.
+
+    An agent that edits its mask, to forbid more to itself or by a normalisation in place, must not
+    change the rules for itself or for others.
+
+    Bad:
+        infos[agent] = {"action_mask": self.legal}      # the array that step() asks
+
+    Good:
+        infos[agent] = {"action_mask": self.legal.copy()}
+    """
+    yield from written_cases(evidence, "masks")
+
+
+def handed_cases(
+    evidence: ProbeEvidence, kind: type[HandedActions] | type[HandedOptions], proof: Reproducer
+) -> Cases:
+    """Yields a case for every look at what was handed over."""
+    for fact in evidence.facts(kind):
+        changed = fact.value.changed
+        for _ in range(fact.value.looks - (changed is not None)):
+            yield Case(fact.where, True)
+        if changed is not None:
+            yield Case(fact.where, False, shown(changed.before), shown(changed.after), proof=proof)
+
+
+def no_writable_actions(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    """Says that no action that was handed over can be written into."""
+    was_played = any(evidence.facts(HandedOptions))
+    if was_played and not any(evidence.facts(HandedActions)):
+        return "actions are plain numbers, which nobody can write into"
+    return None
+
+
+@check(
+    "GK630",
+    needs=("handed_over",),
+    severity=HIGH,
+    fix="compute with a copy: `push = 0.1 * actions[agent]`, not `actions[agent] *= 0.1`",
+    applies=no_writable_actions,
+)
+def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The actions that are handed to step, and their dictionary, are as before once it returns.
+
+    A replay buffer keeps the action that was chosen. Where step scales or clips the caller's array
+    in place, the learner is told that it had chosen something else.
+
+    Bad:
+        push = actions[agent]
+        push *= 0.1
+
+    Good:
+        push = 0.1 * actions[agent]
+    """
+    yield from handed_cases(evidence, HandedActions, reproducer_of(actions_stay))
+
+
+@check(
+    "GK631",
+    needs=("handed_over",),
+    severity=HIGH,
+    fix="keep a copy of what is needed after the step: `self.last_action = np.array(action)`",
+    applies=no_writable_actions,
+)
+def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """Writing into an action after its step doesn't change the game: step keeps no reference.
+
+    Learners re-use their buffers of actions. Where the environment reads an earlier action again,
+    for an observation or for inertia, it reads the later one.
+
+    Bad:
+        self.last_actions = actions                     # read when the next observation is made
+
+    Good:
+        self.last_actions = {agent: np.array(actions[agent]) for agent in actions}
+    """
+    for counterfactual in evidence.counterfactuals("handed_over"):
+        first_divergence = counterfactual.divergence
+        if counterfactual.noise is not None:
+            continue
+        if first_divergence is None:
+            yield Case(counterfactual.base.at(None, None, "kept"), True)
+            continue
+        where = counterfactual.base.at(env_steps_of(first_divergence), None, "kept")
+        expected = "the play goes on as if nothing was written"
+        proof = reproducer_of(actions_are_read_at_once, compares=True)
+        yield Case(where, False, expected, first_divergence_words(first_divergence), proof)
+
+
+LINES = """\
+env, options = make(), {}
+env.reset(seed=SEED, options=options)
+assert options == {}, options"""
+
+
+@check(
+    "GK632",
+    needs=("handed_over",),
+    severity=LOW,
+    fix="work with a copy: `options = {**DEFAULTS, **(options or {})}`",
+)
+def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """The options that are handed to reset are as before once it returns.
+
+    One dictionary of options is handed to every reset, of several environments perhaps: what one
+    reset writes into it governs all the others.
+
+    Bad:
+        options.setdefault("wind", self.rng.uniform())
+
+    Good:
+        wind = (options or {}).get("wind", self.rng.uniform())
+    """
+    yield from handed_cases(evidence, HandedOptions, Reproducer(LINES, plays=False))
