@@ -19,7 +19,7 @@ from gamekeeper.diagnosis.message_channels import (
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
 from gamekeeper.diagnosis.responses import responses_of
-from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
+from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import candidates_of, is_either
 from gamekeeper.diagnosis.undo_pairs import ranked_undos, search_pairs
 from gamekeeper.episodes.episode import Episode
@@ -220,6 +220,11 @@ def search(
     names = [one.name for one in pool]
     experiment.confirmed = [*experiment.confirmed, *names]
     experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
+    found = [one for scope in scopes for one in experiment.finding(scope).substitutes]
+    if any(CARRIED in one.component for one in found):
+        # Each arm begins with fresh objects, so that a few episodes of any arm succeed by that.
+        experiment.skipped = [one for one in experiment.skipped if one not in skipped]
+        experiment.rivals = []
 
 
 def _beside(
