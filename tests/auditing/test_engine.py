@@ -31,9 +31,12 @@ CLEAN = "tests.faults.rovers:Rovers"
 def made(ok: bool = True, **options: Any) -> Check:
     """A check of its own that looks once."""
 
-    @check("TEST001", needs=("rollout",), severity=LOW, fix="nothing", **options)
+    @check("TEST001", LOW, "rollout", **options)
     def promise(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-        """Something holds."""
+        """Something holds.
+
+        Fix: nothing
+        """
         yield Case(Where("rollout", 0, 0, None, "x"), ok, 1, 2)
 
     return promise
@@ -125,9 +128,12 @@ def test_judge_minds_waivers(ok: bool, waivers: dict[str, str], outcome: str) ->
 def test_judge_tells_not_exercised_from_not_applicable() -> None:
     """No case is never green, and what isn't promised isn't judged."""
 
-    @check("TEST002", needs=("rollout",), severity=LOW, fix="")
+    @check("TEST002", LOW, "rollout")
     def quiet(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-        """Something holds."""
+        """Something holds.
+
+        Fix: nothing
+        """
         yield from ()
 
     not_exercised = judge(
@@ -144,9 +150,12 @@ def test_judge_tells_not_exercised_from_not_applicable() -> None:
 def test_judge_calls_a_failing_check_an_error() -> None:
     """A check that raises is our fault, or its author's, never the environment's."""
 
-    @check("TEST003", needs=(), severity=LOW, fix="")
+    @check("TEST003", LOW)
     def promise(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-        """Something holds."""
+        """Something holds.
+
+        Fix: nothing
+        """
         raise ZeroDivisionError
         yield
 
@@ -157,13 +166,13 @@ def test_judge_calls_a_failing_check_an_error() -> None:
 
 
 def test_check_needs_a_promise() -> None:
-    """A check without a claim, or with an id of another form, can't be made."""
+    """A check without a claim and a fix, or with an id of another form, can't be made."""
 
     def run(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
         yield from ()
 
     with pytest.raises(EvidenceError, match="is no check"):
-        check("GK001", needs=(), severity=LOW, fix="")(run)
+        check("GK001", LOW)(run)
 
 
 def test_gather_goes_on_without_a_probe_in_which_the_process_died() -> None:

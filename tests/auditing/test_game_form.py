@@ -1,5 +1,6 @@
 """Each field of the measured form, on small games of known form and on hand-made facts."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -7,10 +8,10 @@ import pytest
 
 from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
 from gamekeeper.auditing.gather import gather, lab_of
-from gamekeeper.auditing.measure import comings, roles, trials, turns
+from gamekeeper.auditing.measure import comings, form, roles, trials
 from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
 from gamekeeper.auditing.measured import _conflicts, measured
-from gamekeeper.auditing.probes import episode_shapes
+from gamekeeper.auditing.probes import game_form
 from gamekeeper.checks.facts.form_facts import (
     AgentEnding,
     DrawnPriority,
@@ -196,21 +197,21 @@ def trial(*looks: MoveLook, agent: str = "a", is_moved: bool = False) -> MoveTri
 def test_the_order_of_turns() -> None:
     """Fixed, rotating, by the state where a move changes it, else random."""
     fixed, other = shape("abc", "abc"), shape("bac", "abc")
-    assert turns.order_of_turns([fixed], []) == "fixed"
-    assert turns.order_of_turns([shape("abc", "bca", "cab")], []) == "rotating"
-    assert turns.order_of_turns([other], [trial()]) == "random"
-    assert turns.order_of_turns([other], [trial(is_moved=True)]) == "state"
-    assert turns.order_of_turns([fixed, shape("cba", "cba")], []) == "random"
-    assert turns.order_of_turns([shape("a", "a")], []) is None
+    assert form.order_of_turns([fixed], []) == "fixed"
+    assert form.order_of_turns([shape("abc", "bca", "cab")], []) == "rotating"
+    assert form.order_of_turns([other], [trial()]) == "random"
+    assert form.order_of_turns([other], [trial(is_moved=True)]) == "state"
+    assert form.order_of_turns([fixed, shape("cba", "cba")], []) == "random"
+    assert form.order_of_turns([shape("a", "a")], []) is None
 
 
 def test_stages_are_roles_in_blocks() -> None:
     """Roles that act apart in every round are stages; those that mix share one."""
     names = {"a": ["a"], "b": ["b"], "c": ["c"]}
-    assert turns.stages([shape("abc", "bac", "abc")], names, "random") == [["a", "b"], ["c"]]
-    assert turns.stages([shape("abc", "abc", "abc")], names, "fixed") == [["a"], ["b"], ["c"]]
-    assert turns.stages([shape("abc", "abc", "abc")], names, "none") == [["a", "b", "c"]]
-    assert turns.stages([shape("abc")], names, "fixed") is None
+    assert form.stages([shape("abc", "bac", "abc")], names, "random") == [["a", "b"], ["c"]]
+    assert form.stages([shape("abc", "abc", "abc")], names, "fixed") == [["a"], ["b"], ["c"]]
+    assert form.stages([shape("abc", "abc", "abc")], names, "none") == [["a", "b", "c"]]
+    assert form.stages([shape("abc")], names, "fixed") is None
 
 
 def test_one_agents_limit_is_no_horizon() -> None:
@@ -240,7 +241,7 @@ def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:
     """It counts as live in the step in which it came and all were truncated."""
     given = {"a": DecisionInput(b"", b"", None)}
     step = BranchStep(given, {"a": 0}, {}, dict.fromkeys("ab", "truncation"), ("a", "b"))
-    found = episode_shapes.shape(EpisodeSteps(0, ("a",), [step], [0]), is_over=True, api="aec")
+    found = game_form.shape(EpisodeSteps(0, ("a",), [step], [0]), is_over=True, api="aec")
     assert (found.live, found.joined) == ({0: 2}, (("b", 0),))
     assert comings.kinds_of_endings([found, found]) == [
         {"kind": "truncation", "owner": "all", "seen": 2}
@@ -319,6 +320,14 @@ def test_advice_follows_from_the_signs() -> None:
     assert advice(signs(api="parallel", dictionary="outcome")).api == "aec"
     assert advice(signs(api="parallel", priority="unclear")).api is None
     assert advice(signs(api="parallel", priority="random")).api == "parallel"
+
+
+def test_a_payment_after_other_draws_is_no_sign_of_order() -> None:
+    """A move that draws more random numbers changes what is drawn for a later agent's payment."""
+    early = trial(MoveLook("b", "reward", 0, True, True, 1))
+    for moved, hits in ((early, 1), (replace(early, is_shifted=True), 0)):
+        within = trials.within_rounds([Fact(Where("form", 0, 0), moved)])
+        assert within["reward"].hits == hits
 
 
 def test_a_payment_at_the_end_of_a_round_is_no_sign_of_order() -> None:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gamekeeper.auditing.audit import audit_here
@@ -200,3 +201,30 @@ def test_the_ended_are_not_blamed_for_chance() -> None:
             return super().reset(None if self.rng is not None else seed, options)
 
     assert audited(Chance, budget=800).of("GK526").outcome == "not_exercised"
+
+
+class HeardInState(Rovers):
+    """What is said in the name of rovers that have ended shows in the state alone."""
+
+    heard = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Nothing was said."""
+        self.heard = 0
+        return super().reset(seed, options)
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Hears them."""
+        self.heard += sum(int(actions[agent]) for agent in actions.keys() - set(self.agents))
+        return super().step({agent: actions[agent] for agent in self.agents})
+
+    def state(self) -> Any:
+        """Tells it."""
+        return np.array([self.heard])
+
+
+def test_the_ended_that_act_in_the_state_are_found() -> None:
+    """What moves nothing but the state is found, and its program compares the state."""
+    verdict = audit_here(HeardInState, select=("GK526",), budget=800).of("GK526")
+    assert verdict.outcome == "failed"
+    assert "given.append(env.state())" in verdict.findings[0].reproducer

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.contract import Contract
 from tests.faults.rovers import Rovers
-from tests.faults.tokens import Tokens
+from tests.faults.tokens import CELLS, Tokens
 
 
 class Masked(Rovers):
@@ -182,3 +182,19 @@ def test_masks_of_turns_are_shown_without_a_step() -> None:
 
     verdict = audit_here(Bool, select=("GK231",), budget=100).of("GK231")
     assert "ACTIONS = []" in verdict.findings[0].reproducer
+
+
+class OneOfTwoIsEmpty(Tokens):
+    """The mask in the info allows nothing, the one in the observation is right."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Infos with a mask of zeros."""
+        super().reset(seed, options)
+        for agent in self.agents:
+            self.infos[agent] = {"action_mask": np.zeros(CELLS, np.int8)}
+
+
+def test_a_mask_that_differs_from_the_other_is_one_cause() -> None:
+    """An empty mask beside one that isn't is told as masks that disagree, and no more."""
+    found = audit_here(OneOfTwoIsEmpty, select=("GK233", "GK234"), budget=60)
+    assert [each.id for each in found.failed] == ["GK234"]

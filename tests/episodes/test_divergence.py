@@ -152,7 +152,10 @@ def test_divergence_of_images_shows_the_first_element() -> None:
     left, right = shown_pair(one, two)
 
     assert (left, right) == ("0 at [2, 3, 1], the first of 2 of 60 elements that differ", "7")
-    assert "[1,2]" in shown_pair(np.array([1, 2]), np.array([1, 3]))[0]
+    assert shown_pair(np.array([1, 2]), np.array([1, 3])) == ("[1,2]", "[1,3]")
+    assert shown_pair({"a": np.eye(2)}, {"a": np.zeros((2, 2))})[0] == '{"a":[[1.0,0.0],[0.0,1.0]]}'
+    floats = shown_pair(np.zeros(2, np.float32), np.zeros(2))  # the type alone differs
+    assert "<f4" in floats[0]
     text = str(Divergence(3, 4, "a", "obs.view", one, two))
     assert text.startswith("episode 3, turn 4, obs.view['a']\n  recorded: 0 at [2, 3, 1]")
 

@@ -143,6 +143,9 @@ def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
         Question(("why",), "why?", '"…"'),
         Question(("infos", "x"), "what?", "…"),
     )
+    near = {**MEASURED, "near_limits": {"max_steps": 21}}  # one of the two is a mistake
+    (limit, *_) = measured_questions(questions, near)
+    assert (limit.measured, limit.hint) == ("", "measured: 20, though max_steps is 21")
     asked = measured_questions(questions, MEASURED)
     assert [each.measured for each in asked[:3]] == ["20", "true", ""]
     assert asked[2].hint == "measured: seems so, permutation test, p = 0.52, 24 episodes"

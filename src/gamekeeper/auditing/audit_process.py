@@ -29,11 +29,7 @@ MOST_DEATHS: Final = 6
 
 
 class AuditInterruptedError(KeyboardInterrupt):
-    """An audit was interrupted by Ctrl-C.
-
-    Attributes:
-        result: what was known by then.
-    """
+    """An audit was interrupted by Ctrl-C; its `result` is what was known by then."""
 
     def __init__(self, result: AuditResult) -> None:
         super().__init__("the audit was interrupted")

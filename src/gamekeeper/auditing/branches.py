@@ -38,7 +38,6 @@ class BranchStep:
     Attributes:
         given: by agent that acts; none in the step of an agent that had ended.
         actions: as they were taken; None: it wasn't taken, as others have to act.
-        rewards: that the step paid.
         ended: by agent `termination` or `truncation`, of all flags that were raised so far.
         roster: `agents` after it.
     """
@@ -146,9 +145,7 @@ class EpisodeSteps:
     """An episode that was played, to be played again up to any of its steps.
 
     Attributes:
-        seed: of its reset.
         first: agents after it.
-        steps: as they were taken.
         rounds: number of each step's round.
     """
 

@@ -89,11 +89,7 @@ def worker_of(lab: ProbeSession, hash_seed: int) -> WarmWorker:
 def played_elsewhere(
     lab: ProbeSession, base: EpisodeResult, hash_seed: int, *, instance: int = 1
 ) -> Episode | None:
-    """The same play in a new process; None where that process came to nothing.
-
-    Args:
-        instance: which instance of the process plays it, once those before it have.
-    """
+    """The same play in a new process, by its nth instance; None where it came to nothing."""
     lab.meter.count(len(base.play.actions or ()))
     with TemporaryDirectory() as folder:
         arguments: dict[str, Any] = {

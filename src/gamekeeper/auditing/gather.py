@@ -51,11 +51,9 @@ class Gathering:
 
     Attributes:
         lab: the bench; a probe's own is made from it.
-        looks: by probe.
         plays: by probe and number, what was played.
         not_exercised: probes that couldn't look, and why.
         broken: probes that failed through a fault of their own, with the traceback.
-        seconds: by probe.
         stopped: what ended the gathering before all probes had looked; empty where nothing did.
         cut: probes that ended before they had seen all that their ration allows.
         class_state: what the classes kept before the first play.

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.auditing.measure import comings, form, roles, trials, turns
+from gamekeeper.auditing.measure import comings, form, roles, trials
 from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
 from gamekeeper.auditing.measure.payments import payments
 from gamekeeper.checks.facts.form_facts import (
@@ -58,7 +58,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     ticks = moves if api == "parallel" else ()
     priority, ranked = roles.priority(drawn, ticks, list(evidence.agents))
     advised = advice(_signs(evidence, shapes, within, priority, order))
-    turn_order = turns.order_of_turns(shapes, [fact.value for fact in moves])
+    turn_order = form.order_of_turns(shapes, [fact.value for fact in moves])
     play_order = _play_order(api, advised, turn_order, shapes)
     settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
     by_role, paid = roles_of(contract, evidence), payments(traces, api)
@@ -66,7 +66,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     is_joint = not paid.get("shared") and trials.contests(moves) >= roles.ALIKE
     limit = comings.horizon(shapes)
     found = {
-        "stages": turns.stages(shapes, by_role, play_order),
+        "stages": form.stages(shapes, by_role, play_order),
         "order": play_order,
         "observe": _observe(api, within, moves),
         "conflicts": _conflicts(api, advised, priority, order, is_joint=is_joint),

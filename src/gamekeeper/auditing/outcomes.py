@@ -32,9 +32,6 @@ class Difference:
 
     Attributes:
         part: `observations`, `rewards`, ...
-        agent: whose.
-        one: in the first.
-        two: in the second.
         is_rounding: only the last digits of numbers differ, here and everywhere else.
     """
 

@@ -56,7 +56,6 @@ class Meter:
     """Counts steps of the environment.
 
     Attributes:
-        steps: taken so far.
         beat: called at each count, as a sign of life.
         until_s: time of the monotonic clock at which the probes end; None: no such time.
         has_played: a step of an episode returned.
@@ -100,14 +99,12 @@ class ProbeSession:
     """One probe's bench.
 
     Attributes:
-        probe: its name.
         api: `aec` or `parallel`.
         contract: declared; an empty one where nothing is.
         agents: what is known of each possible agent before the first reset.
         seed: play k is reset with `seed + k`; one above the audit's, as 0 is easily taken for no
             seed: that is for a probe of its own to see, and no other probe's noise.
         ration: environment steps that the probe may take in all.
-        number: of the play in hand.
         base: the first play of the look, with its actions, once it was played.
         holds_entropy: plays differ by themselves, by generators that nobody seeded: the system's
             entropy is held still, so that other faults can be seen.

@@ -67,22 +67,19 @@ class Check:
 
 def check(
     id: str,  # the word that everybody uses for it
-    *,
-    needs: tuple[str, ...],
     severity: Severity,
-    fix: str,
+    *needs: str,
     confidence: float = 1.0,
     api: str | None = None,
     applies: Applies | None = None,
     looks_at: str = "",
 ) -> Callable[[Run], Check]:
-    """Makes a check of a pure function; its docstring's first line is the promise.
+    """Makes a check of a pure function; its docstring begins with the promise, and ends with a fix.
 
     Args:
         id: such as `GK402`; third parties take a prefix of their own.
-        needs: probes whose looks it reads; it is *not exercised* where none of them could look.
         severity: how bad it is to break the promise.
-        fix: what the author can do about it.
+        needs: probes whose looks it reads; it is *not exercised* where none of them could look.
         confidence: how sure a broken promise is, in (0, 1].
         api: where it is about one API only.
         applies: why there is nothing to judge, or None.
@@ -90,12 +87,13 @@ def check(
     """
 
     def made(run: Run) -> Check:
-        claim, _, about = inspect.cleandoc(run.__doc__ or "").partition("\n")
-        if not claim or not ID.fullmatch(id):
+        promised, _, fix = inspect.cleandoc(run.__doc__ or "").partition("\n\nFix: ")
+        claim, _, about = promised.partition("\n")
+        if not claim or not fix or not ID.fullmatch(id):
             raise EvidenceError(
                 f"{id!r} is no check",
                 where=f"{run.__module__}:{run.__qualname__}",
-                expected="an id like GK402, and a docstring whose first line is the promise",
+                expected="an id like GK402, and a docstring: first the promise, last `Fix: ...`",
                 fix="give the check an id of its own prefix and a docstring",
             )
         return Check(
@@ -106,7 +104,7 @@ def check(
             needs=needs,
             severity=severity,
             confidence=confidence,
-            fix=fix,
+            fix=" ".join(fix.split()),
             api=api,
             applies=applies,
             run=run,

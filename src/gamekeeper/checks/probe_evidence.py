@@ -32,11 +32,7 @@ class Fact(Generic[Kind]):
 
 @dataclass(frozen=True, slots=True)
 class ProbeDeath:
-    """A probe whose process died or hung.
-
-    Attributes:
-        text: in words.
-    """
+    """Death or hang of a probe's process, in words."""
 
     text: str
 

@@ -16,14 +16,7 @@ REPLAY_PROOF = (
 )
 
 
-@check(
-    "GK901",
-    needs=("evidence",),
-    severity=HIGH,
-    fix="take actions as numbers, texts and arrays in an ordinary space, and let step() depend on "
-    "their values alone",
-    looks_at="an episode in which no step raised",
-)
+@check("GK901", HIGH, "evidence", looks_at="an episode in which no step raised")
 def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A play replays bit for bit from its evidence: seed, options and the actions as they were written.
 
@@ -37,6 +30,9 @@ def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         self.action_spaces = {agent: Discrete(5) for agent in self.possible_agents}
+
+    Fix: take actions as numbers, texts and arrays in an ordinary space, and let step() depend on
+    their values alone
     """  # noqa: E501  # the claim is one line
     for counterfactual in evidence.counterfactuals("evidence"):
         yield from counterfactual_cases(
@@ -54,9 +50,7 @@ NAMES_PROOF = (
 )
 
 
-@check(
-    "GK902", needs=("evidence",), severity=MEDIUM, fix="give every agent a name of its own, as text"
-)
+@check("GK902", MEDIUM, "evidence")
 def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents can be told apart as text: no two are written alike, and none is empty.
 
@@ -68,6 +62,8 @@ def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence
 
     Good:
         self.possible_agents = ["player_1", "judge_1"]
+
+    Fix: give every agent a name of its own, as text
     """
     for fact in evidence.facts(AgentNames):
         counted = Counter(text for text, _ in fact.value.names)

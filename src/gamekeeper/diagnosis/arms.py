@@ -146,7 +146,6 @@ class ArmRunner:
         notes: the file in which outcomes are kept; None: they are kept in memory.
         head: what the file has to begin with, so that no other experiment's outcomes are taken.
         on_message: called with `{"episode", "episodes"}`.
-        outcomes: what is known.
         broken: by arm, why it can't be played.
         spent: episodes played so far, those of an earlier call not among them.
         used: episodes that were ordered so far and have an outcome, also those of an earlier call,

@@ -28,8 +28,6 @@ def cuts_of(
     Args:
         failed: the recorded episodes that failed.
         env: opened; one of `HORIZONS` may be an attribute of it that wasn't given.
-        kwargs: its arguments.
-        agents: their number.
     """
     if not all(_is_truncated(each) for each in failed):
         return {}

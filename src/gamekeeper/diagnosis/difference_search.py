@@ -50,7 +50,6 @@ class TriedSet:
     """Differences that were taken over together, on fresh seeds.
 
     Attributes:
-        names: of the differences.
         effect: the change of the score against the bad set-up.
         p: of that effect, corrected for the number of sets that were tried (Holm).
         recovered: the part of the gap that it closes.
@@ -70,9 +69,7 @@ class DifferenceSearch:
     """Arms on paired fresh seeds, and the least sets that explain.
 
     Attributes:
-        bad, good: set-ups.
         differences: those that can be swapped.
-        runner: plays.
         score: figure of an episode; higher is better.
         part: of the gap that a set has to close.
         most: episodes that may be played.

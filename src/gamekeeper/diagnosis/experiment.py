@@ -66,7 +66,6 @@ class Experiment:
         setup: as it was recorded.
         substitutes: the handles, and those of each component together.
         conditions: when an episode failed, by scope.
-        runner: plays.
         expected, part: as `judged` has them.
         most: episodes that may be played, `LEAST` or more.
         seed: all seeds come from it and from the run's fingerprint.
@@ -191,7 +190,6 @@ class Experiment:
         None where it is one alone, or all of a group, which is noted in `least`.
 
         Args:
-            parts: of a group.
             whole: name of the arm with all of them; None: found by its parts.
         """
         names = self._names(parts)

@@ -51,10 +51,7 @@ class PivotSearch:
     """Looks for the pivots of one episode.
 
     Attributes:
-        play: plays continuations.
         is_success: tells if an outcome is one.
-        options: other actions at a turn.
-        seed: of all draws.
     """
 
     play: Continuations

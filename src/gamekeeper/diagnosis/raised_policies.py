@@ -20,7 +20,6 @@ class RaisedPolicy:
     """A policy that broke episodes off.
 
     Attributes:
-        agent: whom it played.
         said: the first error, in words.
         turns: the first and the last turn at which it did so.
         count, episodes: how many episodes it broke off, and of how many.

@@ -18,7 +18,6 @@ def course_of(evidence: Evidence, stage: OpenSetup, number: int) -> RecordedCour
     Args:
         evidence: full evidence of the run.
         stage: its set-up, or one with other policies.
-        number: of the episode.
     Raises:
         EvidenceError: played by itself, the episode doesn't come out as it was recorded.
     """

@@ -153,7 +153,6 @@ def response_test(
         fresh: makes the policy new for each feed; equal streams draw the same.
         feeds: what the agent was given, an episode each.
         fields: numbers of its observation that may be changed.
-        space: of its actions.
         rng: draws the decisions at which a field is changed, and the values.
     """
     feeds = [feed for feed in feeds if feed]

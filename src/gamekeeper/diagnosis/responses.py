@@ -74,7 +74,6 @@ def responses_of(
     """Response tests of the policies of an opened set-up, by agent.
 
     Args:
-        episodes: what the agents were given.
         agents: those that are tested.
     """
     found: dict[str, ResponseTest] = {}

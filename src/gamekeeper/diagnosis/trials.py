@@ -194,9 +194,8 @@ def substitutes_of(
     memories = []
     for sharers in traits.resettable:
         steps = tuple(("forgets", agent, "", True) for agent in sharers)
-        memories.append(
-            IdealSubstitute(f"resetting {joined_names(sharers)}'s memory", MEMORY, sharers, steps)
-        )
+        name = f"resetting {joined_names(sharers)}'s memory"
+        memories.append(IdealSubstitute(name, MEMORY, sharers, steps))
     nested = tuple(_nested([*found, *memories], contract))
     return tuple(_forgetting([*nested, *_together(nested)], memories))
 
@@ -235,13 +234,9 @@ def _substitute(
         agents = ()
     whom = f"[{', '.join(agents) if step[0] == 'policy' else step[1]}]" if step[1] else ""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return IdealSubstitute(
-        f"{name}{whom} = {knob.ideal}",
-        knob.label,
-        agents,
-        ((*step, knob.ideal),),
-        value=float(value) if is_number else None,
-    )
+    number = float(value) if is_number else None
+    steps, shown = ((*step, knob.ideal),), f"{name}{whom} = {knob.ideal}"
+    return IdealSubstitute(shown, knob.label, agents, steps, value=number)
 
 
 def _of_protocol(
@@ -266,10 +261,8 @@ def _of_cut_offs(setup: Setup, traits: SetupTraits) -> Iterator[IdealSubstitute]
     for name, value in traits.cuts.items():
         step = ("argument", "", name, LONGER * value)
         if name in setup.kwargs:
-            own = ("argument", "", name, ABSENT)
-            yield IdealSubstitute(
-                f"{name} at its default", EVALUATION, (), (own,), cut_off="default"
-            )
+            own, shown = ("argument", "", name, ABSENT), f"{name} at its default"
+            yield IdealSubstitute(shown, EVALUATION, (), (own,), cut_off="default")
         yield IdealSubstitute(f"{name} = {LONGER * value}", CUT_OFF, (), (step,), cut_off="later")
 
 
@@ -279,10 +272,7 @@ def _of_policies(
     for agent in agents:
         policy = setup.policy_of(agent, contract)
         if policy is not None and policy != REFERENCE:
-            step = ("policies", agent, "", REFERENCE)
-            yield IdealSubstitute(
-                f"giving {agent} the {REFERENCE} policy", POLICY, (agent,), (step,)
-            )
+            yield _swap(agent, f"the {REFERENCE} policy", REFERENCE)
 
 
 def swaps_of(
@@ -378,11 +368,8 @@ def _nested(found: Sequence[IdealSubstitute], contract: Contract) -> Iterator[Id
     for one in found:
         knob = contract.knobs.get(one.steps[0][2])
         inner = knob.contains if knob is not None and knob.contains else ()
-        names = {
-            other.name
-            for other in found
-            if other.steps[0][2] in inner and set(other.agents) <= set(one.agents)
-        }
+        within = [other for other in found if set(other.agents) <= set(one.agents)]
+        names = {other.name for other in within if other.steps[0][2] in inner}
         yield replace(one, contains=one.contains | names)
 
 
@@ -429,17 +416,9 @@ def undone(
     """
     alone = [each for each in wider if set(each.agents) < set(undo.agents)]
     inner = {str(each) for each in alone if replace(each, agents=undo.agents) == undo}
-    step = ("undo", "", "", undo)
     agents = () if undo.component == MESSAGES else undo.agents
-    return IdealSubstitute(
-        str(undo),
-        undo.component,
-        agents,
-        (step,),
-        frozenset(inner),
-        between=between,
-        is_either=is_either,
-    )
+    found = IdealSubstitute(str(undo), undo.component, agents, (("undo", "", "", undo),))
+    return replace(found, contains=frozenset(inner), between=between, is_either=is_either)
 
 
 def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
@@ -567,12 +546,11 @@ def _of_label(
     yield list(_for_all(label, setup, contract))
     for name, kind in kinds.items():
         if kind.label == label:
+            fit = [agent for agent in agents if (name, agent) not in seen.unfit]
+            changed = [replace(setup, change=_usual(kind, agent)) for agent in fit]
             yield [
-                PerturbationArm(
-                    f"{name}[{agent}]", label, agent, replace(setup, change=_usual(kind, agent))
-                )
-                for agent in agents
-                if (name, agent) not in seen.unfit
+                PerturbationArm(f"{name}[{agent}]", label, agent, worse)
+                for agent, worse in zip(fit, changed, strict=True)
             ]
 
 

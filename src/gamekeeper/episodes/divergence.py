@@ -82,7 +82,19 @@ def shown_pair(one: Any, two: Any) -> tuple[str, str]:
             at = tuple(places[0].tolist())
             note = f" at {list(at)}, the first of {len(places)} of {one.size} elements that differ"
             return to_json(one[at].item()) + note, to_json(two[at].item())
-    return _short(one), _short(two)
+    plain = _short(_as_lists(one)), _short(_as_lists(two))
+    return plain if plain[0] != plain[1] else (_short(one), _short(two))  # types, or past the cut
+
+
+def _as_lists(value: Any) -> Any:
+    """The value with arrays as lists, whose type and shape a reader seldom needs."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: _as_lists(each) for key, each in value.items()}
+    if type(value) in (list, tuple):
+        return type(value)([_as_lists(each) for each in value])
+    return value
 
 
 def _floats(value: Any) -> NDArray[np.float64] | None:

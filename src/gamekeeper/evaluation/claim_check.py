@@ -295,11 +295,7 @@ def _chosen(
 
 @contextmanager
 def _source_first(source: Path | None) -> Iterator[None]:
-    """Has workers look for modules in a claim's source first: they take this process's path.
-
-    Args:
-        source: the folder; None, or one that isn't there: nothing changes.
-    """
+    """Has workers look for modules in a claim's source first, if it is there."""
     if source is None or not source.is_dir():
         yield
         return

@@ -88,7 +88,6 @@ def worked_out(
 
     Args:
         document: of the evaluation, for its specification and the names of its parts.
-        runs: of each line-up.
     """
     spec = _spec(document["spec"])
     looks = {name: _look(document, name, runs) for name in spec.environments}

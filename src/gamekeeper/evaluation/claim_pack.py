@@ -358,7 +358,6 @@ def signed(claim: Path, key: Path) -> Path:
     """Writes the signature of a claim beside it; asks for the key's passphrase where it has one.
 
     Args:
-        claim: the file.
         key: a private SSH key, or a public one whose private key an agent holds.
     Raises:
         RunError: the key can't sign.

@@ -191,8 +191,6 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
     """A comparison in words, as far as it goes.
 
     Args:
-        spec: of the evaluation.
-        row: of comparisons.
         begun: episodes that began differently for two policies on one seed, and of how many.
     """
     a, b = row["a"], row["b"]

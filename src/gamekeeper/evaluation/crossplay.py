@@ -27,11 +27,8 @@ class CrossplayTable:
     """Every line-up of an environment with its figures.
 
     Attributes:
-        spec: of the evaluation.
-        ground: the environment.
         seats: roles, agents, or `*` for the others.
         pairings: who sits where, and the figures of it.
-        judge: makes the intervals.
     """
 
     spec: Spec
@@ -289,7 +286,6 @@ class Duel:
         """By how much the one is above the other.
 
         Args:
-            judge: makes the interval.
             of: whom a refusal names.
             name: of the random stream.
         """

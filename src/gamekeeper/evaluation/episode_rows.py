@@ -221,9 +221,7 @@ class Sheet:
 
     Attributes:
         agents: in the order in which they first appear.
-        roles: of each agent.
         episodes: [episodes] their numbers, ascending.
-        table: the rows.
         places: [rows] where each stands: episode and agent.
         failed_return: of each agent in episodes that broke off; None: they have none.
     """

@@ -49,11 +49,8 @@ class EvaluationRun:
     """Plan of the play of an evaluation: environments, policies, storage.
 
     Attributes:
-        spec: of the evaluation.
-        executor: plays.
         is_here: it is this process, so that objects needn't be named.
         storage: takes parts and the merged table.
-        limits: of tasks.
         on_message: takes `episode` and `episodes` as they are played.
     """
 

@@ -45,7 +45,6 @@ def environment_digest(
 
     Args:
         identity: as opening it gives, or as a manifest keeps it.
-        options: of its resets.
     """
     kept = {key: identity.get(key) for key in OPENED}
     return digest_of([kept, None if options is None else to_json(dict(options))])
@@ -234,8 +233,6 @@ def look_task(
     """Opens an environment and finds its policies.
 
     Args:
-        opening: what opens it.
-        options: of its resets.
         policies: by name, of each run who plays.
         files: by name, whose bytes count too.
     Returns:

@@ -204,8 +204,6 @@ class Match:
     """A line-up in an environment.
 
     Attributes:
-        environment: its name.
-        pairing: who sits where.
         seats: of cross-play there; empty where there is none.
         arguments: of the playing task, but for the episodes.
         digest: of everything that settles what an episode comes to.
@@ -232,8 +230,6 @@ def matches_of(spec: Spec, looks: Mapping[str, Inspection], *, is_here: bool) ->
     """Every line-up of every environment, in the order of the specification.
 
     Args:
-        spec: of the evaluation.
-        looks: what environments and policies are.
         is_here: it is played in this process, so that objects needn't be named.
     Raises:
         EvidenceError: there are too many, or a policy is an object that can't leave this process.

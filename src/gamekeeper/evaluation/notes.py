@@ -34,14 +34,9 @@ def notes_of(
     """Sentences on how it was played and what the figures are about, the most important first.
 
     Args:
-        spec: of the evaluation.
-        episodes: that each policy played.
         stopping: how it was decided that this is enough.
-        comparisons: with their claims.
-        crossplay: by environment.
         failures: the episodes that an exception ended.
         unpinned: what differs from what the suite pins.
-        grounds: the environments.
     """
     return [
         *(f"Not the suite as it was pinned: {text}." for text in unpinned),

@@ -48,12 +48,9 @@ def csv_of(payoffs: Row) -> str:
 
 
 def ranking_of(comparisons: Sequence[Row]) -> dict[str, Any] | None:
-    """The cycle among rivals and their alpha-rank; None where none was claimed.
+    """The cycle among an environment's rivals and their alpha-rank; None where none was claimed.
 
     Only claims count: whose difference isn't shown, is no edge of a cycle.
-
-    Args:
-        comparisons: of one environment.
     """
     rows = [row for row in comparisons if row["scope"] == SEATS]
     names = list(dict.fromkeys(name for row in rows for name in (row["a"], row["b"])))

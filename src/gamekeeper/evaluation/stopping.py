@@ -25,8 +25,6 @@ class Stopping:
     """Values so far, by environment and checkpoint.
 
     Attributes:
-        spec: with a `stop`.
-        looks: of the environments.
         seen: [episodes] figures, in the order of their numbers.
         rounds: how often it was looked.
     """

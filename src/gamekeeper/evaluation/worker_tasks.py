@@ -62,10 +62,7 @@ class Lineup:
     """Policies that play together in an environment, as tasks take them: plain JSON.
 
     Attributes:
-        opening: what opens the environment.
         choices: policies, by agent or role.
-        options: of the resets.
-        seed: of the run.
         most_turns: longer episodes are cut; None: `MOST_TURNS`.
     """
 
@@ -82,7 +79,6 @@ def play_task(
     """Plays a part into storage: its rows, then the receipt that names them.
 
     Args:
-        place: of the storage.
         key: of the part; attempts at it don't mix.
         lineup: the fields of a `Lineup`.
         **part: as `play_part` takes it.
@@ -117,7 +113,6 @@ def play_part(
 
     Args:
         report: called at every turn, and with what was done after every episode.
-        lineup: environment and policies.
         sides: policy and run by agent, role or `*`, for the rows.
         label: names of environment and pairing, for the rows.
         success: conditions by scope.
@@ -225,7 +220,6 @@ def merge_task(report: Any, *, place: str, keys: Sequence[str]) -> dict[str, Any
     """Writes the rows of parts, in this order, into one table; reads receipts, so nothing twice.
 
     Args:
-        place: of the storage.
         keys: of the parts, all of which have a receipt.
     Returns:
         `fingerprint`, `rows`, `turns`, `agent_steps` and the `errors` that episodes ended with.
@@ -285,13 +279,10 @@ def keep_task(
     """Records a line-up's episodes as a run in storage; compares them with the raw episodes.
 
     Args:
-        place: of the storage.
         key: of the line-up.
-        name: of its folder.
         parts: keys of its raw episodes.
         level: of the recording.
         lineup: the fields of a `Lineup`.
-        episodes: how many.
     Returns:
         The run's `folder` and `fingerprint`, and in how many episodes a return differs from
         what was played before (`differs`); or the fields of the `error` that was in the way.
@@ -331,11 +322,7 @@ def keep_task(
 
 
 def folder_names(lineups: Iterable[tuple[str, str]]) -> list[str]:
-    """Returns a folder's name for each line-up: `line-picker=mappo_0-carrier=random`.
-
-    Args:
-        lineups: names of environment and pairing.
-    """
+    """A folder's name for each environment and pairing: `line-picker=mappo_0-carrier=random`."""
     found: list[str] = []
     for environment, pairing in lineups:
         plain = re.sub(r"[^\w.=-]+", "_", f"{environment}-{pairing.replace(' ', '-')}")

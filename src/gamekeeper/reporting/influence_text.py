@@ -19,7 +19,7 @@ UNITS: Final = {"rounds": "rounds (one turn of every live agent)", "steps": "env
 LEGEND: Final = (
     "{lag} later: {unit} from the action to the first change: of a reward or ending, or of an "
     "observation or mask with which its agent decides; changed: share of the n replaced actions "
-    "that changed it (95 % confidence interval)"
+    "that changed it, also by what the environment then drew (95 % confidence interval)"
 )
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 from gamekeeper.contract import Question
 from gamekeeper.contract.sections import CONFLICTS, OBSERVE, ORDERS
 from gamekeeper.contract.toml import value_text
-from gamekeeper.reporting.measured_text import ORDER_MATTERS, words
+from gamekeeper.reporting.measured_text import ORDER_MATTERS, near_horizon, words
 
 Measured = Mapping[str, Any]
 
@@ -79,7 +79,7 @@ def _answer(path: tuple[str, ...], measured: Measured, roles: AbstractSet[str]) 
         case ("seeds", "deterministic"):
             return _plain(measured.get("deterministic"), bool)
         case ("schedule", "horizon"):
-            return _plain(measured.get("horizon"), int)
+            return None if near_horizon(measured) else _plain(measured.get("horizon"), int)
         case ("schedule", key) if key in WORDS:
             value = measured.get(key)
             return value if value in WORDS[key] else None
@@ -94,6 +94,8 @@ def _hint(path: tuple[str, ...], measured: Measured) -> str:
         case ("roles", role, "symmetric"):
             by_role = measured.get("symmetric")
             return words(by_role.get(role)) if isinstance(by_role, Mapping) else ""
+        case ("schedule", "horizon"):
+            return near_horizon(measured)
         case ("schedule", "conflicts"):
             effect = ORDER_MATTERS.get(str(measured.get("order_sensitive")))
             return f"effect of the order of the action dictionary: {effect}" if effect else ""

@@ -142,13 +142,18 @@ def _value(key: str, value: Any, measured: Document) -> str:
         text, ticks = ORDER_MATTERS.get(str(value), ""), measured.get("order_ticks")
         return f"{text} in {ticks:,} ticks" if value == "none" and ticks else text
     if key == "horizon" and measured.get("near_limits"):
-        near = ", ".join(f"{name} is {limit}" for name, limit in measured["near_limits"].items())
-        return f"{value}, though {near}"
+        return near_horizon(measured)
     if key in ("may_join", "may_leave") and value == []:
         return "no agent came later" if key == "may_join" else "no agent left without an end"
     if key == "stages" and value:
         return ", then ".join(" and ".join(stage) for stage in value)
     return words(value)
+
+
+def near_horizon(measured: Document) -> str:
+    """The measured horizon beside what is called like a limit and misses it; empty without such."""
+    near = [f"{name} is {limit}" for name, limit in (measured.get("near_limits") or {}).items()]
+    return f"{measured.get('horizon')}, though {', '.join(near)}" if near else ""
 
 
 def agents_text(measured: Document, *, width: int) -> str:

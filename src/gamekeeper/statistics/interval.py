@@ -62,10 +62,8 @@ def rounded(value: float, low: float, high: float, *, sign: str = "") -> str:
 
 
 def figures(values: Sequence[float] | FloatArray, where: str) -> FloatArray:
-    """The values as a flat array of finite numbers.
+    """The values [n] as a flat array of finite numbers.
 
-    Args:
-        values: [n].
     Raises:
         EvidenceError: they aren't [n], or one isn't finite.
     """
@@ -167,13 +165,11 @@ def enough(n: int, fewest: int, unit: str, *, where: str) -> None:
 
 
 def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
-    """The refusal of an interval around figures that are all one number.
+    """The refusal of an interval around n figures ("episodes", "pairs") that are all one number.
 
     They say nothing of their spread. What n of them may have missed is said by the rule of three:
     an outcome of a chance over 3 / n would have been seen in 95 of 100 such samples.
 
-    Args:
-        unit: "episodes", "pairs" or "training runs".
     Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
     """
     rare = n // RULE_OF_THREE

@@ -17,11 +17,7 @@ _RARE: Final = 0.01
 
 
 def cycle_of(beats: Beats) -> list[int]:
-    """A shortest cycle of policies, each of which beats the next; empty where there is none.
-
-    Args:
-        beats: [policies, policies].
-    """
+    """A shortest cycle of policies, each of which beats the next; empty where there is none."""
     found: list[int] = []
     for start in range(len(beats)):
         paths, seen = [[start]], {start}

@@ -35,10 +35,8 @@ _LEAST_VARIANCE: Final = 1e-12
 
 
 def t_of_means(values: FloatArray, rng: Generator) -> FloatArray:
-    """Student's t of resamples' means.
+    """Student's t of the means of resamples of values [n] with mean 0 and spread 1.
 
-    Args:
-        values: [n] with mean 0 and spread 1.
     Returns:
         [resamples], not sorted.
     """
@@ -152,10 +150,8 @@ def interquartile_mean(values: Sequence[float] | FloatArray) -> float:
 
 
 def middle(samples: FloatArray) -> FloatArray:
-    """Values of each sample without its lowest and highest quarter, in no order.
+    """Values of each sample [..., n] without its lowest and highest quarter, in no order.
 
-    Args:
-        samples: [..., n].
     Returns:
         [..., n - 2 * (n // 4)].
     """
@@ -167,10 +163,8 @@ def middle(samples: FloatArray) -> FloatArray:
 
 
 def resampled_iqm(values: FloatArray, rng: Generator) -> FloatArray:
-    """The interquartile mean of each of many resamples.
+    """The interquartile mean of each of many resamples of values [n].
 
-    Args:
-        values: [n].
     Returns:
         [resamples].
     """

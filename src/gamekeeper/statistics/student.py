@@ -55,11 +55,7 @@ def _away(value: float) -> float:
 
 
 def student_p(t: float, freedom: float) -> float:
-    """The two-sided p-value of Student's t.
-
-    Args:
-        freedom: degrees, over 0; needn't be whole.
-    """
+    """The two-sided p-value of Student's t; `freedom` is over 0 and needn't be whole."""
     return incomplete_beta(freedom / 2, 0.5, freedom / (freedom + t * t))
 
 
@@ -88,10 +84,8 @@ def student(level: float, freedom: float) -> float:
 
 
 def series(z: float, freedom: Any) -> Any:
-    """Student's quantile by the normal one, for 30 degrees and more.
+    """Student's quantile by the normal one, for 30 degrees and more, a number or an array.
 
-    Args:
-        freedom: degrees, a number or an array.
     Source: Abramowitz & Stegun 1964, 26.7.5.
     """
     first = (z**3 + z) / 4
@@ -100,11 +94,7 @@ def series(z: float, freedom: Any) -> Any:
 
 
 def binomial_at_most(hits: int, looks: int, p: float) -> float:
-    """The chance of no more than so many hits in so many looks.
-
-    Args:
-        hits: -1 and more.
-    """
+    """The chance of no more than so many hits (-1 and more) in so many looks."""
     if hits < 0:
         return 0.0
     return 1.0 if hits >= looks else incomplete_beta(looks - hits, hits + 1, 1.0 - p)
@@ -116,11 +106,7 @@ def normal_tail(distance: float) -> float:
 
 
 def boundary(is_before: Callable[[float], bool], low: float, high: float) -> float:
-    """Point where a claim that holds at first stops to hold.
-
-    Args:
-        is_before: holds from `low` up to the answer.
-    """
+    """Point where a claim that holds from `low` on stops to hold."""
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if is_before(middle) else (low, middle)

@@ -36,10 +36,8 @@ Scores = FloatArray | Sequence[float] | Sequence[FloatArray] | Sequence[Sequence
 
 
 def run_scores(scores: Scores, *, where: str = "run_scores") -> FloatArray:
-    """The score of each run: the mean over its episodes.
+    """The score of each run, [runs], [runs, episodes] or ragged: the mean over its episodes.
 
-    Args:
-        scores: [runs], [runs, episodes], or ragged.
     Raises:
         EvidenceError: there is no run, a run without episodes, or a figure that isn't finite.
     """
@@ -119,10 +117,8 @@ def variance_of_seeds(blocks: Sequence[Crossed], *, where: str) -> float:
 
 
 def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float], float]:
-    """Error of the estimate because of the seeds that were drawn, by level.
+    """Error of one environment's estimate because of the seeds that were drawn, by level.
 
-    Args:
-        blocks: of one environment, so that all have the same columns.
     Raises:
         EvidenceError: fewer seeds than `FEWEST_SEEDS`.
     Source: `variance_of_seeds`.
@@ -439,10 +435,8 @@ def _seeds_of_both(a: Scores, b: Scores) -> Callable[[float], float]:
 
 
 def kept_runs(run_means: FloatArray, statistic: Statistic) -> NDArray[np.intp]:
-    """The runs that a statistic rests on.
+    """The runs that a statistic of their scores [runs] rests on.
 
-    Args:
-        run_means: [runs] scores.
     Returns:
         [kept runs] their places.
     """

@@ -93,11 +93,7 @@ def board_kernel(
     *,
     more: tuple[Field, ...] = (),
 ) -> Kernel:
-    """Returns the kernel of a board game.
-
-    Args:
-        more: fields of the state beside the board.
-    """
+    """Returns the kernel of a board game; `more` are fields of the state beside the board."""
     seen, legal = Box(0, 1, (*shape, 2), np.int8), Box(0, 1, (actions,), np.int8)
     return Kernel(
         name=metadata["name"],

@@ -62,11 +62,7 @@ class Disturbed(KernelRules):
     # -- what a task writes
 
     def held_out(self, rng: Stream) -> NDArray[Any]:
-        """The tables of a held-out layout, an array of one record like the kernel's own.
-
-        Args:
-            rng: what the layout is drawn from, and nothing else.
-        """
+        """Tables of a held-out layout that `rng` alone draws: one record, like the kernel's own."""
         raise NotImplementedError(f"{type(self).__name__} has no held_out(rng)")
 
     def whereabouts(self) -> Sequence[Any]:

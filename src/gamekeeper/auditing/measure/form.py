@@ -1,12 +1,14 @@
-"""Measured endings and length of episodes. Pure."""
+"""Measured endings and length of episodes, order of turns, and roles that act in blocks. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 from statistics import median
-from typing import Any
+from typing import Any, Final
 
-from gamekeeper.checks.rounds import orders
+from gamekeeper.checks.facts.form_facts import EpisodeShape, MoveTrial
+from gamekeeper.checks.rounds import FIXED, OTHER, kind_of_order, orders
 from gamekeeper.episodes.episode import Episode
 
 
@@ -51,3 +53,64 @@ def _ends(trace: Episode) -> dict[str, set[str]]:
             if raised or agent in turn.live:
                 found.setdefault(agent, set()).update(raised)
     return found
+
+
+LEAST: Final = 3
+"""Rounds for a word on stages."""
+
+
+def order_of_turns(shapes: Sequence[EpisodeShape], trials: Sequence[MoveTrial]) -> str | None:
+    """`fixed`, `rotating`, `state` (a replaced move changes it) or `random`.
+
+    None where no round had two agents.
+    """
+    kinds = {kind_of_order(shape.rounds) for shape in shapes} - {None}
+    if not kinds:
+        return None
+    kind = next(iter(kinds)) if len(kinds) == 1 else OTHER
+    if kind == FIXED and kind_of_order(_rounds(shapes)) != FIXED:
+        kind = OTHER  # settled anew at each reset
+    if kind != OTHER:
+        return kind
+    return "state" if any(trial.is_order_moved for trial in trials) else "random"
+
+
+def stages(
+    shapes: Sequence[EpisodeShape], roles: Mapping[str, Sequence[str]], order: str | None
+) -> list[list[str]] | None:
+    """Roles that act in blocks, one after the other; those without such an order in one stage."""
+    names = list(roles)
+    if order == "none":
+        return [names]
+    rounds = _rounds(shapes)
+    if order is None or len(rounds) < LEAST:
+        return None
+    role_of = {agent: name for name, agents in roles.items() for agent in agents}
+    blocks = [[role_of.get(agent, agent) for agent in each] for each in rounds]
+    stage = {name: {name} for name in names}
+    for one, two in combinations(names, 2):
+        if not (_precedes(one, two, blocks) or _precedes(two, one, blocks)):
+            joined = stage[one] | stage[two]
+            stage.update(dict.fromkeys(joined, joined))
+    first = {name: _place(name, blocks) for name in names}
+    ordered = sorted(names, key=lambda name: min(first[each] for each in stage[name]))
+    found = dict.fromkeys(tuple(n for n in names if n in stage[name]) for name in ordered)
+    return [list(each) for each in found]
+
+
+def _rounds(shapes: Sequence[EpisodeShape]) -> list[tuple[str, ...]]:
+    return [each for shape in shapes for each in shape.rounds]
+
+
+def _precedes(one: str, two: str, blocks: Sequence[Sequence[str]]) -> bool:
+    """Tells whether all of a role act before all of another in each round that has both."""
+    both = [each for each in blocks if one in each and two in each]
+    return bool(both) and all(
+        len(each) - 1 - each[::-1].index(one) < each.index(two) for each in both
+    )
+
+
+def _place(name: str, blocks: Sequence[Sequence[str]]) -> float:
+    """Mean place of a role's first turn in a round."""
+    places = [each.index(name) / len(each) for each in blocks if name in each]
+    return sum(places) / len(places) if places else 1.0

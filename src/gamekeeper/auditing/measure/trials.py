@@ -32,7 +32,6 @@ class ShownEffect:
     Attributes:
         source: agent whose move was replaced.
         target: agent that found something otherwise.
-        on: what.
         place: probe and number of the episode.
         turns: of the move, and of the decision or payment.
     """
@@ -56,9 +55,6 @@ class Within:
     """Looks at later agents of the round of a replaced move, for one reason.
 
     Attributes:
-        looks: how many.
-        hits: of them.
-        shown: the first.
         roles: in which one agent's move reached another of the same role.
     """
 
@@ -186,6 +182,8 @@ def within_rounds(trials: Trials) -> dict[str, Within]:
     Reward: only where the order decides it. A move is paid at a later agent's turn while others
     are still to move, so moves take effect one by one; or it changes what a later agent is paid,
     and never the reverse: between agents of a role, or where the first is paid at its own turn.
+    Rewards after a move that changed how many random numbers are drawn are left out: it changes
+    what is drawn for later moves.
     """
     found = {"state": Within(), "legality": Within(), "reward": Within()}
     names = {"observation": "state", "mask": "legality"}
@@ -194,13 +192,15 @@ def within_rounds(trials: Trials) -> dict[str, Within]:
         for look in trial.looks:
             if look.target == trial.agent or look.lag:
                 continue
+            if look.on == "reward" and trial.is_shifted:
+                continue
             if look.on in names:
                 found[names[look.on]].add(look, fact)
             elif look.on == "reward" and look.turn > trial.turn and len(trial.movers) > 1:
                 found["reward"].looks += 1
                 if look.is_early and look.is_changed:
                     found["reward"].hit(look, fact)
-    for fact, look in _one_way(trials):
+    for fact, look in _one_way([fact for fact in trials if not fact.value.is_shifted]):
         found["reward"].hit(look, fact)
     return found
 

@@ -1,20 +1,218 @@
-"""Probe of the order of an action dictionary."""
+"""Probe of the order of an action dictionary: does another change outcomes, or only draws."""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
+import numpy as np
+
 from gamekeeper.auditing.meeting import meeting
-from gamekeeper.auditing.outcomes import Difference, Key, digests, first_difference
+from gamekeeper.auditing.outcomes import (
+    Difference,
+    Key,
+    digests,
+    first_difference,
+    numbers,
+    stacked,
+)
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
-from gamekeeper.auditing.reordering import FirstDivergence, orders, told
 from gamekeeper.checks.facts.play_facts import OrderOutcome
+from gamekeeper.interface.generators import is_still
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
-from gamekeeper.rollouts.interventions.tick_order import ActionOrder
+from gamekeeper.rollouts.interventions.tick_order import ActionOrder, reordered
+from gamekeeper.rollouts.process_randomness import kept_global_generators, reseed
+from gamekeeper.statistics.significance import FloatArray, permutation_test, sign_flip_test
+
+SAMPLES: Final = 20
+"""Outcomes of each order that are drawn where copies can be had."""
+FEWEST: Final = 8
+"""Fewer say too little: 8 against 8 can still have a p-value of 1 / 12,870."""
+ROUNDS: Final = 4_999
+"""Permutations; the least p-value is 1 / 5,000, so that it survives a correction for looks."""
+MOST_STATES: Final = 48
+"""States at which a fault that hides behind draws is looked for."""
+
+Numbers = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class DifferenceKind:
+    """Kind of a difference.
+
+    Attributes:
+        result: `outcome` (nothing was drawn), `draws` (something was: the tests tell), `undecided`,
+            `noise` (led there once more, the first order gives something else too).
+        p_values: of the tests whether both orders have one distribution.
+    """
+
+    result: str
+    p_values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FirstDivergence:
+    """A play in which the other order parts from the first.
+
+    Attributes:
+        play: its actions are on paper.
+        order: the name of the other order.
+        turn: steps after which the difference shows.
+        seen: digests of what the first order gave there.
+    """
+
+    play: EpisodePlan
+    order: str
+    turn: int
+    seen: Mapping[Key, bytes]
+
+
+def told(lab: ProbeSession, first_divergence: FirstDivergence) -> DifferenceKind:
+    """Reruns the play up to the divergence, and says what the order of the actions changes.
+
+    Nothing was drawn: it is the outcome. Else both orders are given the same number of fresh
+    random futures from the same state, and a permutation test over all numbers of the outcome says
+    whether they have one distribution; where they seem to, fault that comes rarely is looked for
+    at other states of the play.
+    """
+    with kept_global_generators():
+        drawn = _drawn(lab, first_divergence)
+        if not drawn:
+            return DifferenceKind("noise" if drawn is None else "outcome")
+        bench = _Reordering(lab, first_divergence)
+        first = bench.at_the_first_divergence()
+        if first is None:
+            return DifferenceKind("undecided")
+        rest = bench.elsewhere() if first > 1 / 100 else None
+    return DifferenceKind("draws", (first,) if rest is None else (first, rest))
+
+
+def _drawn(lab: ProbeSession, first_divergence: FirstDivergence) -> bool | None:
+    """True if a generator moves in the step before the divergence; None: it is mere noise."""
+    found = False
+    for order in ("", "", first_divergence.order):
+        env = _led(lab, first_divergence, first_divergence.turn - 1)
+        actions = _ordered(first_divergence.play, order, first_divergence.turn - 1)
+        outs: list[Any] = []
+        is_calm = is_still(env, partial(_stepped, lab, env, actions, outs))
+        if not order and digests(outs[0], lab.contract.volatile_infos()) != first_divergence.seen:
+            return None
+        found = found or not is_calm
+    return found
+
+
+def _stepped(lab: ProbeSession, env: Any, actions: Mapping[Any, Any], outs: list[Any]) -> None:
+    outs.append(lab.step(env, actions).value)
+
+
+class _Reordering:
+    """Samples of both orders from one state on."""
+
+    def __init__(self, lab: ProbeSession, first_divergence: FirstDivergence) -> None:
+        self._lab, self._first_divergence = lab, first_divergence
+        self._volatile = lab.contract.volatile_infos()
+        self._rng = np.random.default_rng([11, lab.number])
+        self._left = max(lab.ration, 400)
+
+    def at_the_first_divergence(self) -> float | None:
+        """The p-value of both orders having one distribution there; None: it can't be known."""
+        turn, lab = self._first_divergence.turn, self._lab
+        begun = self._cause()
+        env = _led(lab, self._first_divergence, begun)
+        can_copy = _copies_well(lab, env, _ordered(self._first_divergence.play, "", begun))
+        each = turn - begun if can_copy else turn
+        size = min(SAMPLES, self._left // max(2 * each, 1))
+        if size < FEWEST:
+            return None
+        found: dict[str, list[Numbers]] = {"": [], self._first_divergence.order: []}
+        if can_copy:
+            env = _led(lab, self._first_divergence, begun)
+        for number in range(size):
+            for side, order in enumerate(found):
+                one = copy.deepcopy(env) if can_copy else _led(lab, self._first_divergence, begun)
+                reseed(one, 2 * number + side)
+                found[order].append(self._onward(one, begun, order))
+        values = stacked([*found[""], *found[self._first_divergence.order]])
+        return permutation_test(values[:size], values[size:], rng=self._rng, rounds=ROUNDS)
+
+    def elsewhere(self) -> float | None:
+        """The same over states along the play; None where copies can't be had."""
+        lab, actions = self._lab, self._first_divergence.play.actions or ()
+        env = _led(lab, self._first_divergence, 0)
+        step = max(len(actions) // MOST_STATES, 1)
+        pairs: list[Numbers] = []
+        for turn in range(len(actions)):
+            if turn % step == 0 and len(getattr(env, "agents", ())) > 1:
+                if turn == 0 and not _copies_well(
+                    lab, _led(lab, self._first_divergence, 0), actions[0]
+                ):
+                    return None
+                for side, order in enumerate(("", self._first_divergence.order)):
+                    one = copy.deepcopy(env)
+                    reseed(one, 1_000 + 2 * turn + side)
+                    pairs.append(
+                        self._numbers(one, _ordered(self._first_divergence.play, order, turn))
+                    )
+            lab.step(env, actions[turn])
+        if len(pairs) < 2 * FEWEST:
+            return None
+        values = stacked(pairs)
+        return sign_flip_test(values[::2] - values[1::2], rng=self._rng, rounds=ROUNDS)
+
+    def _cause(self) -> int:
+        """The step whose order makes the difference: the last before it, or all of them."""
+        turn, outs = self._first_divergence.turn, []
+        for order in ("", self._first_divergence.order):
+            env = _led(self._lab, self._first_divergence, turn - 1)
+            out = self._lab.step(env, _ordered(self._first_divergence.play, order, turn - 1)).value
+            outs.append(digests(out, self._volatile))
+        return turn - 1 if outs[0] != outs[1] else 0
+
+    def _onward(self, env: Any, begun: int, order: str) -> Numbers:
+        for turn in range(begun, self._first_divergence.turn - 1):
+            self._lab.step(env, _ordered(self._first_divergence.play, order, turn))
+        return self._numbers(
+            env, _ordered(self._first_divergence.play, order, self._first_divergence.turn - 1)
+        )
+
+    def _numbers(self, env: Any, actions: Mapping[Any, Any]) -> Numbers:
+        return numbers(self._lab.step(env, actions).value, self._volatile)
+
+
+def _led(lab: ProbeSession, first_divergence: FirstDivergence, turns: int) -> Any:
+    """An environment to which the first `turns` of the play have happened."""
+    env = lab.env()
+    lab.meter.count()
+    lab.call("reset", env.reset, seed=first_divergence.play.seed)
+    for turn in range(turns):
+        lab.step(env, _ordered(first_divergence.play, "", turn))
+    return env
+
+
+def _copies_well(lab: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> bool:
+    """Tells whether a copy goes on as its original does, for a step at least."""
+    copied = lab.call("deepcopy", copy.deepcopy, env)
+    if copied.failed is not None:
+        return False
+    outs = [lab.step(one, copy.deepcopy(actions)) for one in (copied.value, env)]
+    return outs[0].failed is None and digests(outs[0].value) == digests(outs[1].value)
+
+
+def _ordered(play: EpisodePlan, order: str, turn: int) -> dict[Any, Any]:
+    """Copies of the actions of a turn, in that order; in their own where none is named."""
+    actions = (play.actions or ())[turn]
+    names = reordered(order, list(actions), turn) if order else list(actions)
+    return {agent: copy.deepcopy(actions[agent]) for agent in names}
+
+
+def orders(count: int, play: int) -> tuple[str, ...]:
+    """The orders that are worth a look in a play of so many agents; reversed covers every pair."""
+    return ("reversed", "shuffled") if count > 2 and play % 4 == 0 else ("reversed",)
+
 
 PLAYS: Final = 4
 """Plays at least, however long; more where episodes are short."""

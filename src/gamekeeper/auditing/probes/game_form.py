@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,10 +11,11 @@ import numpy as np
 from gamekeeper.auditing.branches import Board, BranchStep, EpisodeSteps, branch, value_digest
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
-from gamekeeper.auditing.probes.episode_shapes import rounds_of, shape
 from gamekeeper.auditing.probes.moves import legal_or_first, other_action
 from gamekeeper.checks.facts.form_facts import (
+    AgentEnding,
     DrawnPriority,
+    EpisodeShape,
     FormError,
     MoveLook,
     MoveTrial,
@@ -25,6 +26,76 @@ from gamekeeper.interface.generators import is_same_state
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.process_randomness import kept_global_generators, reseed, standing, states
 from gamekeeper.rollouts.snapshots import spaces_in
+
+
+def rounds_of(steps: Sequence[BranchStep], first: Iterable[Any], api: str) -> list[int]:
+    """The round of each env step: a tick, or turns until an agent would act again or all have.
+
+    The step of an agent that had ended belongs to the round before it.
+    """
+    if api == "parallel":
+        return list(range(len(steps)))
+    found, number, acted = [], 0, set[Any]()
+    live = set(first)
+    for step in steps:
+        mover = next(iter(step.given), None)
+        if mover is not None:
+            if mover in acted or (acted and live <= acted):
+                number, acted = number + 1, set()
+            acted.add(mover)
+        found.append(number)
+        live = {agent for agent in step.roster if agent not in step.ended}
+    return found
+
+
+def shape(paper: EpisodeSteps, *, is_over: bool, api: str) -> EpisodeShape:
+    """The shape of an episode; of one that was cut only whole rounds count for fares."""
+    movers: dict[int, list[str]] = {}
+    endings, joined, left = [], [], []
+    live: dict[int, int] = {}
+    roster, ended = set(paper.first), set[Any]()
+    for place, (step, number) in enumerate(zip(paper.steps, paper.rounds, strict=True)):
+        movers.setdefault(number, []).extend(map(agent_name, step.given))
+        new = [agent for agent in step.ended if agent not in ended]
+        if new:
+            live[place] = len((roster | set(step.roster)) - ended)
+        endings += [AgentEnding(agent_name(a), number, place, step.ended[a]) for a in new]
+        joined += [(agent_name(agent), number) for agent in step.roster if agent not in roster]
+        gone = roster - set(step.roster) - set(step.ended)
+        left += [(agent_name(agent), number) for agent in sorted(gone, key=str)]
+        roster, ended = set(step.roster), set(step.ended)
+    return EpisodeShape(
+        rounds=tuple(tuple(each) for _, each in sorted(movers.items()) if each),
+        first=tuple(map(agent_name, paper.first)),
+        endings=tuple(endings),
+        joined=tuple(joined),
+        left=tuple(left),
+        live=live,
+        fares=_fares(paper, is_whole=is_over or api == "parallel"),
+        is_over=is_over,
+    )
+
+
+def _fares(paper: EpisodeSteps, *, is_whole: bool) -> dict[str, tuple[float, ...]]:
+    """By agent: rewards, their magnitudes, payments, actions, and whether it terminated."""
+    last = None if is_whole or not paper.rounds else paper.rounds[-1]
+    found: dict[Any, list[float]] = {agent: [0.0] * 5 for agent in paper.first}
+    for step, number in zip(paper.steps, paper.rounds, strict=True):
+        if number == last:
+            break
+        for agent, paid in step.rewards.items():
+            if agent in found:
+                found[agent][0] += paid
+                found[agent][1] += abs(paid)
+                found[agent][2] += paid != 0
+        for agent in step.given:
+            if agent in found:
+                found[agent][3] += 1
+        for agent, kind in step.ended.items():
+            if agent in found:
+                found[agent][4] = float(kind == "termination")
+    return {agent_name(agent): tuple(values) for agent, values in found.items()}
+
 
 MOST_EPISODES: Final = 120
 LONGEST: Final = 1_000
@@ -99,6 +170,7 @@ class _Forms:
         self._env = lab.env()
         self._can_copy = True
         self._habits: dict[Any, Any] = {}
+        self._stands: dict[int, list[Any]] = {}
         board = Board(lab, self._env)
         board.reset(play.seed)
         before = states()
@@ -197,7 +269,10 @@ class _Forms:
                 self._can_copy = copied.failed is None
                 if self._can_copy:
                     boards[place] = copied.value
-            if not _is_same(board.step(written.actions), written):
+            is_same = _is_same(board.step(written.actions), written)
+            if place in at and self._lab.api == "aec":
+                self._stands[place] = standing(board.env)
+            if not is_same:
                 return boards, place
         return boards, len(self.paper.steps)
 
@@ -245,10 +320,12 @@ class _Forms:
         board = self._arrived(boards, step)
         steps = branch(board, self.paper, step, {agent: action}, ahead, self._fitting)
         looks: list[MoveLook] = []
-        is_moved = False
+        is_moved = is_shifted = False
         for place, changed in steps:
             if place >= settled:
                 break
+            if place == step in self._stands:
+                is_shifted = not _alike(self._stands[step], standing(board.env))
             base = self.paper.steps[place]
             if changed.actions is None:
                 before = self.paper.steps[place - 1]
@@ -258,7 +335,8 @@ class _Forms:
         movers = tuple(agent_name(each) for each in self._movers(step))
         number = self.paper.rounds[step]
         name = agent_name(agent)
-        trial = MoveTrial(name, number, step, movers, tuple(looks), ahead, is_moved)
+        seen = tuple(looks), ahead, is_moved, is_shifted
+        trial = MoveTrial(name, number, step, movers, *seen)
         return trial, action
 
     def _last_of(self, number: int) -> int:

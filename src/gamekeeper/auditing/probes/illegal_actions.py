@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from gymnasium import spaces
 
+from gamekeeper.auditing.branches import value_digest
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
 from gamekeeper.checks.case import Reproducer
@@ -241,6 +242,8 @@ def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             yield lab.fact(refused, field="ended_acts")
             return
         courses.append(course)
+    if courses[0] != courses[1]:  # what state() gives may hold more than the game
+        courses = [[(text, b"") for text, _ in course] for course in courses]
     if courses[0] != courses[1]:
         return  # it isn't the same game twice: nothing can be blamed on the actions
     turn = next(
@@ -248,7 +251,9 @@ def ended(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     )
     value = EndedActions(agents=list(extra), raised=None, turn=turn)
     end = len(cut.actions or ()) if turn is None else turn
-    yield lab.fact(value, turn=end, field="ended_acts", proof=_proof(extra))
+    is_in_state = len({tuple(text for text, _ in course) for course in courses}) == 1
+    proof = _proof(extra, with_state=turn is not None and is_in_state)
+    yield lab.fact(value, turn=end, field="ended_acts", proof=proof)
 
 
 def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
@@ -273,16 +278,17 @@ def _cut(played: EpisodeResult, extra: Mapping[Any, Any]) -> EpisodePlan:
 
 def _course(
     lab: ProbeSession, env: Any, play: EpisodePlan, extra: Mapping[Any, Any]
-) -> tuple[list[str], str | None]:
-    """Text of each call where ended agents act too; and the exception."""
+) -> tuple[list[tuple[str, bytes]], str | None]:
+    """Text of each call where ended agents act too, with the state after it; and the exception."""
     reset = lab.call("reset", env.reset, seed=play.seed)
     lab.meter.count()
-    given = [to_json(reset.value)]
+    given = [(to_json(reset.value), b"")]
     for actions in play.actions or ():
         called = lab.step(env, _with(play, extra, actions, len(given) - 1))
         if called.failed is not None:
             return given, called.failed.kind
-        given.append(to_json(called.value[:4] if isinstance(called.value, tuple) else None))
+        text = to_json(called.value[:4] if isinstance(called.value, tuple) else None)
+        given.append((text, value_digest(lab.call("state", lambda: env.state()).value)))
     return given, None
 
 
@@ -296,8 +302,9 @@ def _with(
     return {**actions, **{a: extra[a] for a in extra if a in earlier and a not in later}}
 
 
-def _proof(extra: Mapping[Any, tuple[Any, Any]]) -> Reproducer:
+def _proof(extra: Mapping[Any, tuple[Any, Any]], *, with_state: bool) -> Reproducer:
     once, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
+    state = "        given.append(env.state())\n" if with_state else ""
     lines = f"""\
 def course(gone):
     \"\"\"What a play gives in which those who have ended act too.\"\"\"
@@ -308,7 +315,7 @@ def course(gone):
         earlier = {{agent for each in ACTIONS[:turn] for agent in each}}
         more = {{a: gone[a] for a in gone if a in earlier and a not in later}}
         given.append(env.step({{**actions, **more}})[:4])
-    return given
+{state}    return given
 
 for gone in ({literal(once)}, {literal(other)}):
     np.testing.assert_equal(course(gone), course({{}}))"""

@@ -47,14 +47,7 @@ def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:
     return against
 
 
-@check(
-    "GK701",
-    needs=("copies",),
-    severity=MEDIUM,
-    fix="let every attribute be copied (views of arrays and closures aren't), or raise in "
-    "__deepcopy__",
-    applies=refused("deepcopy"),
-)
+@check("GK701", MEDIUM, "copies", applies=refused("deepcopy"))
 def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A copy.deepcopy that is made in mid-episode goes on like its original, state() too.
 
@@ -71,18 +64,14 @@ def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Ca
             return np.concatenate([self.position, self.goal])
 
     Refusing to be copied is fine: nobody promises it.
+
+    Fix: let every attribute be copied (views of arrays and closures aren't), or raise in
+    __deepcopy__
     """
     yield from copied_cases(evidence, "deepcopy", "copy")
 
 
-@check(
-    "GK702",
-    needs=("copies",),
-    severity=MEDIUM,
-    fix="keep the game's state in the instance: no class attributes, globals or shared "
-    "generators, and copy all of it in __deepcopy__",
-    applies=refused("deepcopy"),
-)
+@check("GK702", MEDIUM, "copies", applies=refused("deepcopy"))
 def originals_go_on_beside_a_deepcopy(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Stepping a copy.deepcopy doesn't move its original.
 
@@ -95,17 +84,14 @@ def originals_go_on_beside_a_deepcopy(contract: Contract, evidence: ProbeEvidenc
             return counterfactual
 
     Good: leave `__deepcopy__` alone, or copy every attribute in it.
+
+    Fix: keep the game's state in the instance: no class attributes, globals or shared generators,
+    and copy all of it in __deepcopy__
     """
     yield from copied_cases(evidence, "deepcopy", "original")
 
 
-@check(
-    "GK703",
-    needs=("copies",),
-    severity=MEDIUM,
-    fix="leave nothing of the game's state out of __getstate__, or raise there",
-    applies=refused("pickle"),
-)
+@check("GK703", MEDIUM, "copies", applies=refused("pickle"))
 def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A copy by pickle that is made in mid-episode goes on like its original, state() too.
 
@@ -119,6 +105,8 @@ def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -
     Good: pickle the generator too; `np.random.Generator` can be pickled.
 
     Refusing to be pickled is fine, and so is a copy that begins anew and wants a reset (EzPickle).
+
+    Fix: leave nothing of the game's state out of __getstate__, or raise there
     """
     yield from copied_cases(evidence, "pickle", "copy")
 
@@ -138,15 +126,7 @@ def not_converted(contract: Contract, evidence: ProbeEvidence) -> str | None:
     )
 
 
-@check(
-    "GK710",
-    needs=("conversion",),
-    severity=MEDIUM,
-    fix="let all live agents act in the order of `agents` in every cycle, deaths at its end; or "
-    'say "is_parallelizable": False',
-    api="aec",
-    applies=not_said,
-)
+@check("GK710", MEDIUM, "conversion", api="aec", applies=not_said)
 def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An environment whose metadata say is_parallelizable can be stepped by aec_to_parallel.
 
@@ -158,6 +138,9 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
 
     Good:
         metadata = {"name": "auction_v1", "is_parallelizable": False}
+
+    Fix: let all live agents act in the order of `agents` in every cycle, deaths at its end; or say
+    "is_parallelizable": False
     """
     for fact in evidence.facts(ConvertedEnv):
         failed = fact.value.failed
@@ -167,14 +150,7 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
             yield Case(fact.where, failed is None, expected, seen, reproducer_of(becomes_parallel))
 
 
-@check(
-    "GK711",
-    needs=("conversion",),
-    severity=MEDIUM,
-    fix='change what agents observe at the end of a cycle only; or say "is_parallelizable": False',
-    api="aec",
-    applies=not_converted,
-)
+@check("GK711", MEDIUM, "conversion", api="aec", applies=not_converted)
 def cycles_show_nothing_before_their_end(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """In an environment that says is_parallelizable, nobody observes a move of the same cycle.
 
@@ -190,6 +166,8 @@ def cycles_show_nothing_before_their_end(contract: Contract, evidence: ProbeEvid
     Good: collect the actions, and resolve them when the last agent of the cycle has acted.
 
     Source: PettingZoo's documentation of `aec_to_parallel`.
+
+    Fix: change what agents observe at the end of a cycle only; or say "is_parallelizable": False
     """
     for fact in evidence.facts(WithinCycle):
         changed = fact.value.changed

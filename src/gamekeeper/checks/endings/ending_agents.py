@@ -31,10 +31,8 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK500",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="end every agent that the ending belongs to in the same step, or declare its owner as it "
-    "is",
+    HIGH,
+    "rollout",
     applies=_undeclared,
     looks_at="an ending that is declared to be everybody's or a role's",
 )
@@ -49,6 +47,8 @@ def endings_reach_all_whom_they_are_declared_for(
     Bad: `cleared = { kind = "termination", owner = "all" }`, and only the carrier terminates.
 
     Good: `terminations = dict.fromkeys(self.agents, self.is_cleared)`.
+
+    Fix: end every agent that the ending belongs to in the same step, or declare its owner as it is
     """
     for trace, rosters in plays_with_rosters(evidence):
         known: set[str] = set()
@@ -93,14 +93,7 @@ assert not silent, silent"""),
 }
 
 
-@check(
-    "GK501",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="set the agent's termination or truncation in the step that takes it out of `agents`, "
-    "or declare may_leave for its role",
-    looks_at="an agent that leaves `agents`",
-)
+@check("GK501", HIGH, "rollout", looks_at="an agent that leaves `agents`")
 def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
 
@@ -110,6 +103,9 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases
     Bad: `self.agents.remove(walker)`, while `terminations[walker]` is False.
 
     Good: `terminations[walker] = True` in the step that removes it.
+
+    Fix: set the agent's termination or truncation in the step that takes it out of `agents`, or
+    declare may_leave for its role
     """
     left = _left_a_turn if evidence.api == "aec" else _left_a_tick
     for trace, turn, agent, has_ended in left(evidence):
@@ -149,10 +145,8 @@ assert env.agents or not silent, silent"""
 
 @check(
     "GK502",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="where one agent's end is the end for all, terminate (or truncate) all of them in that "
-    "step; else keep the others in `agents`",
+    HIGH,
+    "rollout",
     api="parallel",
     looks_at="an agent that ends while others are in the game",
 )
@@ -165,6 +159,9 @@ def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeE
     Bad: `if any(terminations.values()): self.agents = []`.
 
     Good: the same, after `terminations = dict.fromkeys(terminations, True)`.
+
+    Fix: where one agent's end is the end for all, terminate (or truncate) all of them in that step;
+    else keep the others in `agents`
     """
     for trace in evidence["rollout"]:
         live: frozenset[str] = frozenset()
@@ -188,15 +185,7 @@ ended = [a for a in env.agents if terminations.get(a) or truncations.get(a)]
 assert not ended, ended"""
 
 
-@check(
-    "GK503",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="take agents that terminate or truncate out of `agents` before step returns; when the "
-    "episode is over, `self.agents = []`",
-    api="parallel",
-    looks_at="an agent that terminates or truncates",
-)
+@check("GK503", HIGH, "rollout", api="parallel", looks_at="an agent that terminates or truncates")
 def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has terminated or truncated is out of `agents` when that step returns.
 
@@ -206,6 +195,9 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
     Bad: `truncations = dict.fromkeys(self.agents, True)`, and `agents` stays as it was.
 
     Good: `self.agents = [a for a in self.agents if not (terminations[a] or truncations[a])]`.
+
+    Fix: take agents that terminate or truncate out of `agents` before step returns; when the
+    episode is over, `self.agents = []`
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -221,12 +213,7 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
 BOOKS: Final = {"terminated": "terminations", "truncated": "truncations"}
 
 
-@check(
-    "GK504",
-    needs=("rollout", "spaces"),
-    severity=MEDIUM,
-    fix="make a bool of it: `terminations[agent] = bool(...)`",
-)
+@check("GK504", MEDIUM, "rollout", "spaces")
 def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Terminations and truncations are bools, not numbers, None or arrays.
 
@@ -237,6 +224,8 @@ def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Bad: `terminations[agent] = self.steps // 100`.
 
     Good: `terminations[agent] = self.steps >= 100`.
+
+    Fix: make a bool of it: `terminations[agent] = bool(...)`
     """
     for trace in evidence["rollout"]:
         is_nonconforming = has_nonconforming_rows(trace)
@@ -268,13 +257,7 @@ def _proof(api: str, book: str, kinds: str = "(bool, np.bool_)") -> str:
 
 
 @check(
-    "GK505",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="keep the flag up until the agent is out of `agents`; set flags where an agent ends, "
-    "don't work them out anew in every step",
-    api="aec",
-    looks_at="an agent that has ended and is still in `agents`",
+    "GK505", HIGH, "rollout", api="aec", looks_at="an agent that has ended and is still in `agents`"
 )
 def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The flags of an agent that has ended aren't taken back while it is still in `agents`.
@@ -285,6 +268,9 @@ def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Bad: `self.terminations = {a: self.energy[a] <= 0 for a in self.agents}`, and energy comes back.
 
     Good: `if self.energy[a] <= 0: self.terminations[a] = True`.
+
+    Fix: keep the flag up until the agent is out of `agents`; set flags where an agent ends, don't
+    work them out anew in every step
     """
     for trace, rosters in plays_with_rosters(evidence):
         ended: set[str] = set()
@@ -308,14 +294,7 @@ assert not flagged, flagged"""
 AFTER = f"env.reset(seed=SEED)\n{FRESH}"
 
 
-@check(
-    "GK506",
-    needs=("surface",),
-    severity=HIGH,
-    fix="in reset: `self.terminations = dict.fromkeys(self.agents, False)`, and the same for "
-    "truncations",
-    api="aec",
-)
+@check("GK506", HIGH, "surface", api="aec")
 def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """After a reset nobody is terminated or truncated, whatever the last episode came to.
 
@@ -325,6 +304,9 @@ def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) ->
     Bad: flags are set in the constructor and by `step` only.
 
     Good: `self.terminations = dict.fromkeys(self.agents, False)` in `reset`.
+
+    Fix: in reset: `self.terminations = dict.fromkeys(self.agents, False)`, and the same for
+    truncations
     """
     rosters = {fact.where.play: fact.value for fact in evidence.facts(LiveRosters)}
     for fact in evidence.facts(FlaggedAgents):

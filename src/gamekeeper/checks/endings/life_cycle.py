@@ -25,13 +25,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 
 
-@check(
-    "GK520",
-    needs=("lifecycle",),
-    severity=LOW,
-    fix="return empty dictionaries (Parallel), or raise, once `agents` is empty",
-    looks_at="an episode that was played to its end",
-)
+@check("GK520", LOW, "lifecycle", looks_at="an episode that was played to its end")
 def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step after the end of an episode raises, or gives no rewards, flags or turns.
 
@@ -47,6 +41,8 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> C
         def step(self, actions):
             if not self.agents:
                 return {}, {}, {}, {}, {}
+
+    Fix: return empty dictionaries (Parallel), or raise, once `agents` is empty
     """
     for fact in evidence.facts(StepAfterEnd):
         gave = fact.value.gave
@@ -54,13 +50,7 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> C
         yield Case(fact.where, not gave, "an exception, or no rewards and flags", seen, fact.proof)
 
 
-@check(
-    "GK521",
-    needs=("lifecycle",),
-    severity=LOW,
-    confidence=0.8,
-    fix="raise an error in step() while no reset has been made",
-)
+@check("GK521", LOW, "lifecycle", confidence=0.8)
 def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step before the first reset doesn't silently play: it raises, or gives nothing.
 
@@ -75,6 +65,8 @@ def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
         def step(self, actions):
             if self.state is None:
                 raise RuntimeError("call reset() before step()")
+
+    Fix: raise an error in step() while no reset has been made
     """
     for fact in evidence.facts(StepBeforeReset):
         gave = fact.value.gave
@@ -82,13 +74,7 @@ def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
         yield Case(fact.where, not gave, "an exception, or nothing", seen, fact.proof)
 
 
-@check(
-    "GK522",
-    needs=("lifecycle",),
-    severity=MEDIUM,
-    api="aec",
-    fix="hand the action on: `self._was_dead_step(action)` raises where it isn't None",
-)
+@check("GK522", MEDIUM, "lifecycle", api="aec")
 def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent's only action is None: a real action of an agent that has ended is refused.
 
@@ -103,19 +89,15 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         if self.terminations[agent]:
             return self._was_dead_step(action)
+
+    Fix: hand the action on: `self._was_dead_step(action)` raises where it isn't None
     """
     for fact in evidence.facts(DeadAction):
         seen = f"{fact.value.agent!r} has ended, and its action is accepted"
         yield Case(fact.where, fact.value.raised is not None, "an exception", seen, fact.proof)
 
 
-@check(
-    "GK523",
-    needs=("lifecycle",),
-    severity=HIGH,
-    fix="let reset() make the whole state new, whatever the episode before left, and name the "
-    "live agents; where it raises, at the line that `actual` names",
-)
+@check("GK523", HIGH, "lifecycle")
 def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset begins an episode at any time: at first, in mid-episode, at its end, twice in a row.
 
@@ -131,6 +113,9 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
         def reset(self, seed=None, options=None):
             self.agents = self.possible_agents[:]
             self.board = new_board(self._rng)
+
+    Fix: let reset() make the whole state new, whatever the episode before left, and name the live
+    agents; where it raises, at the line that `actual` names
     """
     for fact in evidence.facts(LaterReset):
         raised, agents = fact.value.raised, fact.value.agents
@@ -143,12 +128,7 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(ignored.where, not ignored.value.is_ignored, expected, seen, ignored.proof)
 
 
-@check(
-    "GK524",
-    needs=("lifecycle",),
-    severity=MEDIUM,
-    fix="declare `def reset(self, seed=None, options=None):`",
-)
+@check("GK524", MEDIUM, "lifecycle")
 def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`reset` takes `seed` and `options` by keyword, and neither is needed.
 
@@ -161,6 +141,8 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
 
     Good:
         def reset(self, seed=None, options=None): ...
+
+    Fix: declare `def reset(self, seed=None, options=None):`
     """
     for fact in evidence.facts(ResetArguments):
         if all(fact.value.raised.values()):
@@ -171,12 +153,7 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
             yield Case(fact.where, is_ok, f"reset({words}) begins an episode", raised, proof)
 
 
-@check(
-    "GK525",
-    needs=("lifecycle",),
-    severity=LOW,
-    fix="let close() look whether there is anything to close: `if self.screen is not None: ...`",
-)
+@check("GK525", LOW, "lifecycle")
 def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`close` raises at no time: not before a reset, and not when it is called twice.
 
@@ -192,6 +169,8 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
             if self.screen is not None:
                 self.screen.close()
                 self.screen = None
+
+    Fix: let close() look whether there is anything to close: `if self.screen is not None: ...`
     """
     for fact in evidence.facts(Closings):
         for when, raised in fact.value.raised.items():
@@ -208,10 +187,9 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 @check(
     "GK526",
-    needs=("ended",),
-    severity=MEDIUM,
+    MEDIUM,
+    "ended",
     api="parallel",
-    fix="read the actions of agents in `agents` only, or raise where there are others",
     looks_at="a Parallel agent that ended before the others, and an action for it",
 )
 def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -219,7 +197,7 @@ def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Trainers with a fixed number of slots go on sending actions for those that are gone. Where these
     still move something, the game depends on what isn't in it. Looked at with two different actions
-    of agents that have ended, and with none, everything else being equal.
+    of agents that have ended, and with none, everything else being equal; `state()` counts too.
 
     Bad:
         for agent, action in actions.items():
@@ -228,6 +206,8 @@ def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         for agent in self.agents:
             self.move(agent, actions[agent])
+
+    Fix: read the actions of agents in `agents` only, or raise where there are others
     """
     for fact in evidence.facts(EndedActions):
         turn, agents = fact.value.turn, fact.value.agents
@@ -242,11 +222,9 @@ SHOWN: Final = {"last": "env.last()", "step": "# nothing more: the None step abo
 
 @check(
     "GK527",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     api="aec",
-    fix="let `observe` answer for every agent in `agents`, also for one that has ended, and hand "
-    "the None of a dead agent to `self._was_dead_step(action)`",
     looks_at="an agent that ends, in an episode played to its last None turn",
 )
 def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -264,6 +242,9 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         def observe(self, agent):
             return self.views.get(agent, self.blank)
+
+    Fix: let `observe` answer for every agent in `agents`, also for one that has ended, and hand the
+    None of a dead agent to `self._was_dead_step(action)`
     """
     for look in evidence.looks.get("rollout", ()):
         raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)

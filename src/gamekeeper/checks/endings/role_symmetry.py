@@ -140,10 +140,8 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK511",
-    needs=("rollout",),
-    severity=MEDIUM,
-    fix="treat the role's agents alike (starts, draws, who wins a conflict), or declare what "
-    'sets them apart: symmetric = false, or conflicts = "priority"',
+    MEDIUM,
+    "rollout",
     confidence=0.99,
     applies=_declared,
     looks_at="six episodes or more that two agents or more of a symmetric role begin",
@@ -169,6 +167,9 @@ def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> 
         for agent in self.rng.permutation(self.agents):
             if self.cells[agent] in self.samples:
                 self.collect(agent)
+
+    Fix: treat the role's agents alike (starts, draws, who wins a conflict), or declare what sets
+    them apart: symmetric = false, or conflicts = "priority"
     """
     roles: dict[str, list[str]] = {}
     for agent in evidence.agents:

@@ -34,10 +34,8 @@ def _no_horizon(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK507",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="set truncations, not terminations, for all who are left in the tick that fills the "
-    "declared horizon; or declare the horizon as it is",
+    HIGH,
+    "rollout",
     applies=_no_horizon,
     looks_at="an episode that reaches the declared horizon: a larger --budget plays longer",
 )
@@ -55,6 +53,9 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
     Bad: `terminations = dict.fromkeys(self.agents, self.tick >= 200)`.
 
     Good: `truncations = dict.fromkeys(self.agents, self.tick >= 200)`.
+
+    Fix: set truncations, not terminations, for all who are left in the tick that fills the declared
+    horizon; or declare the horizon as it is
     """
     horizon, api = contract.schedule.horizon or 0, evidence.api
     yield from _other_limit(contract, evidence, horizon)
@@ -153,11 +154,10 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK508",
-    needs=("surface", "rollout"),
-    severity=LOW,
+    LOW,
+    "surface",
+    "rollout",
     confidence=0.6,
-    fix="truncate where time is up: `truncations = dict.fromkeys(agents, time >= max_time)`; if "
-    "the last tick is a rule of the game, declare it in the contract's endings as a termination",
     applies=_declared,
     looks_at="an episode that reaches an attribute, constant or parameter called like a limit, "
     "such as `max_steps`: raise --budget, or declare the horizon in a contract",
@@ -177,6 +177,9 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Bad: `terminations = dict.fromkeys(agents, time >= self.max_time)`.
 
     Good: `truncations = dict.fromkeys(agents, time >= self.max_time)`.
+
+    Fix: truncate where time is up: `truncations = dict.fromkeys(agents, time >= max_time)`; if the
+    last tick is a rule of the game, declare it in the contract's endings as a termination
     """
     if any(ending.kind == "termination" for ending in contract.endings.values()):
         return
@@ -259,10 +262,8 @@ def _no_ending_kind(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK509",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="set the flag that the contract declares for the reason, or declare the reason's kind as "
-    "it is: limits from outside truncate, rules of the task terminate",
+    HIGH,
+    "rollout",
     applies=_no_ending_kind,
     looks_at="an ending that the contract declares",
 )
@@ -276,6 +277,9 @@ def endings_are_of_their_declared_kind(contract: Contract, evidence: ProbeEviden
     the rules.
 
     Good: `self.truncate(agent, "battery")`.
+
+    Fix: set the flag that the contract declares for the reason, or declare the reason's kind as it
+    is: limits from outside truncate, rules of the task terminate
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:

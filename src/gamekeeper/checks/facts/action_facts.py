@@ -38,7 +38,6 @@ class EndedActions:
     """Actions of agents that have ended; without `raised` and `turn` they made no difference.
 
     Attributes:
-        agents: whose.
         raised: the class of the exception.
         turn: the first at which what is given differs.
     """

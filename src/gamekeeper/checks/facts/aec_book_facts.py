@@ -18,7 +18,6 @@ class MarkedReward:
     """A reward that was raised by a mark before a live agent's step.
 
     Attributes:
-        agent: whose.
         reward: before.
         mark: added.
         stood: whether it was added to what was there after the step too.

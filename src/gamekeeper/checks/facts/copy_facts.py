@@ -11,7 +11,6 @@ class ChangedView:
     """An observation that changed within a cycle.
 
     Attributes:
-        agent: whose.
         after: agents that had acted in between.
     """
 
@@ -53,12 +52,7 @@ class ConvertedEnv:
 
 @dataclass(frozen=True, slots=True)
 class WithinCycle:
-    """Observations when an agent's turn came, beside those from the cycle's start.
-
-    Attributes:
-        looks: how many.
-        changed: the first that had changed.
-    """
+    """Observations as an agent's turn came, beside those at the cycle's start; the first change."""
 
     looks: int
     changed: ChangedView | None

@@ -14,7 +14,6 @@ class AgentEnding:
     """One agent's end, seen after a move.
 
     Attributes:
-        agent: that ended.
         round: of the move.
         step: number of the env step, so that agents that ended together are known.
         kind: `termination` or `truncation`.
@@ -33,7 +32,6 @@ class EpisodeShape:
     Attributes:
         rounds: agents that acted in each round, in their order; of a Parallel tick by roster.
         first: agents at the start.
-        endings: in their order.
         joined: agents that appeared after the reset, with the round.
         left: agents that left the roster without an ending, with the round.
         live: agents not ended before each env step at which one ended, by step.
@@ -78,13 +76,14 @@ class MoveTrial:
     """One move replaced by another legal one, and what came of it.
 
     Attributes:
-        agent: whose move.
         round: its number in the episode.
         turn: env step of the move.
         movers: agents of the round, in their order.
         looks: at all that could be compared.
         ahead: rounds that were looked ahead.
         is_order_moved: afterwards agents acted in another order, though none ended or joined.
+        is_shifted: (AEC) the replaced move drew more or fewer random numbers, so that what follows
+            may differ by what is drawn alone.
     """
 
     agent: str
@@ -94,6 +93,7 @@ class MoveTrial:
     looks: tuple[MoveLook, ...]
     ahead: int
     is_order_moved: bool
+    is_shifted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,6 @@ class FormError:
 
     Attributes:
         during: `an episode` or `replaced moves`.
-        error: its class and message.
     """
 
     during: str

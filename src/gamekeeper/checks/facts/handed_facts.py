@@ -27,8 +27,6 @@ class ChangedArgument:
 
     Attributes:
         agent: whose; None for the dictionary itself.
-        before: what it was.
-        after: what it is.
     """
 
     agent: Any
@@ -38,12 +36,7 @@ class ChangedArgument:
 
 @dataclass(frozen=True, slots=True)
 class KeptValues:
-    """Values of one kind (the field) that were handed out and looked at later.
-
-    Attributes:
-        looks: how many.
-        changed: the first that changed.
-    """
+    """Values of one kind (the field) that were handed out and looked at later; the first change."""
 
     looks: int
     changed: ChangedValue | None
@@ -66,12 +59,7 @@ class SharedValues:
 
 @dataclass(frozen=True, slots=True)
 class HandedActions:
-    """Actions after each step, beside what they were before.
-
-    Attributes:
-        looks: how many.
-        changed: the first that changed.
-    """
+    """Actions after each step, beside what they were before; the first change."""
 
     looks: int
     changed: ChangedArgument | None
@@ -86,7 +74,6 @@ class WrittenValues:
     """Values of one kind (the field) that were written into.
 
     Attributes:
-        writes: how many.
         seen: how the play went another way, in words.
     """
 
@@ -106,7 +93,6 @@ class RepeatedLast:
     """`last()` called twice at each turn.
 
     Attributes:
-        looks: how many.
         told: reward and flags by both calls where they first differed.
     """
 

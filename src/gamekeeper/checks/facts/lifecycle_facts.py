@@ -26,7 +26,6 @@ class LaterReset:
     Attributes:
         when: in words.
         raised: in words.
-        agents: in the roster.
     """
 
     when: str
@@ -46,7 +45,6 @@ class DeadAction:
     """An action of a dead agent that isn't None.
 
     Attributes:
-        agent: whose.
         raised: the class of the exception.
     """
 

@@ -47,8 +47,6 @@ class RaisedCall:
     Attributes:
         call: `reset`, `last`, `step`, ...
         kind: the class of the exception.
-        text: its message.
-        traceback: its traceback.
     """
 
     call: str
@@ -85,7 +83,6 @@ class OrderOutcome:
     Attributes:
         result: `same`, `rounding` (last digits), `noise` (the unchanged rerun differs too),
             `draws`, `outcome` or `undecided`.
-        ticks: compared.
         order: name of the order that differs.
         turn: env steps after which the difference shows.
         part: what differs.
@@ -111,7 +108,6 @@ class PaymentTime:
     """Tick that decides an unusual reward.
 
     Attributes:
-        agent: the payee.
         amount: paid beyond what the agent gets in most steps.
         tried: turn, agent and action of each alternative in the tick of the payment.
         is_on_time: the last of these changes the payment.
@@ -135,9 +131,6 @@ class Payment:
     """A payment of a declared term that was looked into.
 
     Attributes:
-        term: its name.
-        agent: the payee.
-        amount: paid.
         movers: by agent that acted before.
     """
 

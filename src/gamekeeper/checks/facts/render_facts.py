@@ -11,13 +11,8 @@ class Shot:
     """One frame of a film.
 
     Attributes:
-        turn: at which it was taken.
-        over: whether the episode was over.
-        failed: what was raised.
         is_missing: whether a screen or a package is missing.
-        kind: the type of the frame.
         frames: dtype and shape of each of its arrays.
-        digest: of the frame.
     """
 
     turn: int
@@ -34,10 +29,8 @@ class BuiltMode:
     """Attempt to build a render mode.
 
     Attributes:
-        mode: its name.
         taken: whether the factory takes the argument.
         is_own: whether it is the mode in use.
-        options: for the factory.
         failed: what building it raised.
         is_missing: whether a screen or a package is missing.
         shown: what `env.render_mode` says.
@@ -54,12 +47,7 @@ class BuiltMode:
 
 @dataclass(frozen=True, slots=True)
 class RenderedMode:
-    """An instance in a render mode.
-
-    Attributes:
-        mode: its name.
-        options: for the factory.
-    """
+    """An instance in a render mode."""
 
     mode: str
     options: dict[str, Any]
@@ -71,7 +59,6 @@ class FilmedPlay(RenderedMode):
 
     Attributes:
         moves: turns at which an agent's observation changed.
-        shots: by turn.
     """
 
     moves: int

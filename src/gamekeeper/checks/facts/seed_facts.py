@@ -60,7 +60,6 @@ class EpisodeBefore:
 
     Attributes:
         episode: its seed and actions; None: the same one.
-        times: how often it was played.
     """
 
     episode: tuple[int | None, tuple[Any, ...]] | None
@@ -69,12 +68,7 @@ class EpisodeBefore:
 
 @dataclass(frozen=True, slots=True)
 class LaterSeeds:
-    """Comparison of later seeds: do they make a difference.
-
-    Attributes:
-        in_fresh: in a fresh instance.
-        in_used: in a used one.
-    """
+    """Comparison of later seeds: do they make a difference."""
 
     in_fresh: bool
     in_used: bool
@@ -92,7 +86,6 @@ class MovedGenerator:
     """A global generator that was moved.
 
     Attributes:
-        generator: its name.
         call: the first that moved it: `make`, `reset` or `step`.
     """
 
@@ -102,12 +95,7 @@ class MovedGenerator:
 
 @dataclass(frozen=True, slots=True)
 class OtherInstance:
-    """The other instance, beside a counterfactual that differs.
-
-    Attributes:
-        seed: of its reset.
-        actions: of its play.
-    """
+    """The other instance, beside a counterfactual that differs."""
 
     seed: int
     actions: tuple[Any, ...]

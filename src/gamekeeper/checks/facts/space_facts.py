@@ -13,9 +13,6 @@ class AskedSpace:
     Attributes:
         which: `observation` or `action`.
         when: `before reset`, `live`, `after it left`, `after the play`, `after another reset`.
-        space: the space, or None.
-        failed: what was raised.
-        type: of what was given.
         is_same: whether both are one object.
     """
 
@@ -33,8 +30,6 @@ class ChangedSpace:
 
     Attributes:
         when: as in `AskedSpace`.
-        was: at first.
-        now: now.
         is_same: whether they are equal.
     """
 
@@ -58,7 +53,6 @@ class SpaceEntry:
     Attributes:
         dictionary: its space as text.
         method: the method's.
-        is_same: whether they are equal.
     """
 
     dictionary: str
@@ -71,7 +65,6 @@ class OthersView:
     """Observation by `observe` of a live agent that isn't in turn.
 
     Attributes:
-        failed: what was raised.
         misfits: kind, path, expected, seen and test of each.
     """
 

@@ -12,14 +12,8 @@ class StateAnswer:
 
     Attributes:
         turn: at which it was asked for.
-        failed: what was raised.
-        kind: the type of the answer.
-        dtype: of an array.
-        shape: of an array.
         is_within: whether it lies within the space; None without one.
         has_nan: whether a NaN is in it.
-        over: whether the episode was over.
-        digest: of the answer.
         again: digest of a second answer.
     """
 
@@ -40,8 +34,6 @@ class StateSpace:
     """The declared space of `state()`.
 
     Attributes:
-        is_there: whether there is a state.
-        space: the space as text.
         shape: of the space, where it has one.
         dtype: of the space, where it has one.
     """
@@ -58,7 +50,6 @@ class StateAnswers:
 
     Attributes:
         moves: turns at which an agent's observation changed.
-        answers: by turn.
     """
 
     moves: int
@@ -80,7 +71,6 @@ class LateState:
     """Trials with other actions at one turn, in which observations changed at once.
 
     Attributes:
-        trials: how many.
         at_once: of them, states that changed at once.
         later: of them, states that changed a turn later.
         turn: of the last of them.

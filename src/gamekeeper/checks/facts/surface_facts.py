@@ -114,8 +114,6 @@ class Metadata:
     """Contents of `metadata`.
 
     Attributes:
-        kind: its type.
-        fields: its entries.
         own: the render mode in use.
     """
 
@@ -129,7 +127,6 @@ class LaterMetadata:
     """Metadata before and after the environment was used, as canonical text.
 
     Attributes:
-        before: at first.
         after: what was done, in which mode, and the text then.
     """
 

@@ -72,14 +72,7 @@ def _step(api: str) -> str:
     )
 
 
-@check(
-    "GK801",
-    needs=("render",),
-    severity=MEDIUM,
-    fix="build the environment in every mode of metadata['render_modes'], or take out those that "
-    "it doesn't have",
-    applies=nothing_to_film,
-)
+@check("GK801", MEDIUM, "render", applies=nothing_to_film)
 def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every render mode that the metadata declares can be built.
 
@@ -95,6 +88,9 @@ def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         metadata = {"render_modes": ["rgb_array"]}
+
+    Fix: build the environment in every mode of metadata['render_modes'], or take out those that it
+    doesn't have
     """
     for fact in evidence.facts(BuiltMode):
         seen = fact.value
@@ -117,14 +113,7 @@ PROMISED: Final = {
 }
 
 
-@check(
-    "GK802",
-    needs=("render",),
-    severity=MEDIUM,
-    fix="return uint8 in [0, 255] of shape [height, width, 3] in mode 'rgb_array' "
-    "((frame * 255).astype(np.uint8) for floats in [0, 1]), a str in mode 'ansi'",
-    applies=nothing_to_film,
-)
+@check("GK802", MEDIUM, "render", applies=nothing_to_film)
 def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """render() returns what its mode promises: uint8 [height, width, 3] for "rgb_array", a str for "ansi".
 
@@ -138,6 +127,9 @@ def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases
 
     Good:
         return frame.astype(np.uint8)
+
+    Fix: return uint8 in [0, 255] of shape [height, width, 3] in mode 'rgb_array' ((frame *
+    255).astype(np.uint8) for floats in [0, 1]), a str in mode 'ansi'
     """  # noqa: E501  # the claim is one line
     for fact in evidence.facts(FilmedPlay):
         mode = fact.value.mode
@@ -184,9 +176,8 @@ def _words(shot: Shot) -> str:
 
 @check(
     "GK803",
-    needs=("render",),
-    severity=MEDIUM,
-    fix="draw on a canvas of one size, whoever is still alive",
+    MEDIUM,
+    "render",
     applies=nothing_to_film,
     looks_at="two pictures (rgb_array) of one episode",
 )
@@ -200,6 +191,8 @@ def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Good:
         frame = np.zeros((8, 8 * len(self.possible_agents), 3), np.uint8)
+
+    Fix: draw on a canvas of one size, whoever is still alive
     """
     for fact in evidence.facts(FilmedPlay):
         if fact.value.mode != "rgb_array":
@@ -215,9 +208,8 @@ def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
 
 @check(
     "GK804",
-    needs=("render",),
-    severity=MEDIUM,
-    fix="return a new array from every render(): self.canvas.copy()",
+    MEDIUM,
+    "render",
     applies=nothing_to_film,
     looks_at="frames that could change later, such as pictures (rgb_array)",
 )
@@ -234,6 +226,8 @@ def frames_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cas
 
     Good:
         return self.canvas.copy()
+
+    Fix: return a new array from every render(): self.canvas.copy()
     """
     for fact in evidence.facts(ChangedFrames):
         seen, options = fact.value, fact.value.options
@@ -265,10 +259,9 @@ LEAST_MOVES: Final = 8
 
 @check(
     "GK809",
-    needs=("render",),
-    severity=LOW,
+    LOW,
+    "render",
     confidence=0.9,
-    fix="draw the state that step() has changed",
     applies=nothing_to_film,
     looks_at="a film of several frames while observations change",
 )
@@ -285,6 +278,8 @@ def frames_move(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         def render(self):
             return self.draw(self.cells)
+
+    Fix: draw the state that step() has changed
     """
     films: dict[str, list[tuple[Fact[FilmedPlay], int]]] = {}
     for fact in evidence.facts(FilmedPlay):
@@ -308,14 +303,7 @@ RENDERING_LINES = (
 )
 
 
-@check(
-    "GK805",
-    needs=("render",),
-    severity=HIGH,
-    fix="draw from the game's state without changing it; what is random in a picture needs a "
-    "generator of its own",
-    applies=nothing_to_film,
-)
+@check("GK805", HIGH, "render", applies=nothing_to_film)
 def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """render() doesn't change the game, nor draw from its generator: a filmed play goes like an unfilmed one.
 
@@ -329,6 +317,9 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
     Good:
         def render(self):
             shade = self.picture_rng.integers(256)
+
+    Fix: draw from the game's state without changing it; what is random in a picture needs a
+    generator of its own
     """  # noqa: E501  # the claim is one line
     for counterfactual in evidence.counterfactuals("render"):
         if counterfactual.change["change"] == "Rendered":
@@ -354,13 +345,7 @@ MODE_LINES = (
 )
 
 
-@check(
-    "GK806",
-    needs=("render",),
-    severity=HIGH,
-    fix="let render_mode decide about pictures alone",
-    applies=nothing_to_film,
-)
+@check("GK806", HIGH, "render", applies=nothing_to_film)
 def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The render mode doesn't change the game: equal seeds and actions give the same play in every mode.
 
@@ -372,6 +357,8 @@ def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         self.rng = np.random.default_rng(seed)
+
+    Fix: let render_mode decide about pictures alone
     """  # noqa: E501  # the claim is one line
     for counterfactual in evidence.counterfactuals("render"):
         if counterfactual.change["change"] == "RenderMode":
@@ -382,13 +369,7 @@ def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
             yield from counterfactual_cases(counterfactual, "the play in the usual mode", proof)
 
 
-@check(
-    "GK807",
-    needs=("render",),
-    severity=LOW,
-    fix="self.render_mode = render_mode",
-    applies=nothing_to_film,
-)
+@check("GK807", LOW, "render", applies=nothing_to_film)
 def mode_is_told(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """env.render_mode is the mode that was asked for.
 
@@ -401,6 +382,8 @@ def mode_is_told(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         def __init__(self, render_mode=None):
             self.render_mode = render_mode
+
+    Fix: self.render_mode = render_mode
     """
     for fact in evidence.facts(BuiltMode):
         seen = fact.value
@@ -424,13 +407,7 @@ AGAIN = (
 )
 
 
-@check(
-    "GK808",
-    needs=("render",),
-    severity=MEDIUM,
-    fix="draw when render() is called, or forget what was drawn in step() and in reset()",
-    applies=nothing_to_film,
-)
+@check("GK808", MEDIUM, "render", applies=nothing_to_film)
 def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A frame shows the game as it stands, not an older moment that was drawn and kept.
 
@@ -446,6 +423,8 @@ def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         return self.draw()
+
+    Fix: draw when render() is called, or forget what was drawn in step() and in reset()
     """
     step = "    env.step(action)\n"
     step = step if evidence.api == "parallel" else f"    env.last()\n{step}"

@@ -58,15 +58,7 @@ assert last[{column}] < 2 * first[{column}], ('lines and bytes a step, first and
 """
 
 
-@check(
-    "GK831",
-    needs=("long",),
-    severity=LOW,
-    confidence=0.9,
-    fix="keep what is needed of the past up to date in step(), instead of going through all of it "
-    "again",
-    looks_at="an episode of 40 turns or more",
-)
+@check("GK831", LOW, "long", confidence=0.9, looks_at="an episode of 40 turns or more")
 def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of a step doesn't grow with the length of the episode.
 
@@ -83,6 +75,9 @@ def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -
 
     Good:
         self.path += np.linalg.norm(self.cells - before)
+
+    Fix: keep what is needed of the past up to date in step(), instead of going through all of it
+    again
     """
     plays = [fact for fact in evidence.facts(TurnWork) if len(fact.value.live) >= LEAST_TURNS]
     for name, least in STEP_COST_LEAST.items():
@@ -131,9 +126,8 @@ assert costs[-1][{column}] < 1.1 * costs[0][{column}], ('lines and bytes by epis
 
 @check(
     "GK832",
-    needs=("repeated",),
-    severity=LOW,
-    fix="empty in reset() what step() has gathered",
+    LOW,
+    "repeated",
     looks_at="several episodes, one after the other, that were played to their end",
 )
 def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -151,6 +145,8 @@ def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases
     Good:
         def reset(self, seed=None, options=None):
             self.log = []
+
+    Fix: empty in reset() what step() has gathered
     """
     for fact in evidence.facts(EpisodeWork):
         for name, least in EPISODE_COST_LEAST.items():
@@ -196,9 +192,8 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
 
 @check(
     "GK833",
-    needs=("repeated",),
-    severity=LOW,
-    fix="let go in reset() of what belongs to an episode",
+    LOW,
+    "repeated",
     looks_at="several episodes, one after the other, that were played to their end",
 )
 def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -217,6 +212,8 @@ def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -
     Good:
         def reset(self, seed=None, options=None):
             self.episode = []
+
+    Fix: let go in reset() of what belongs to an episode
     """
     for fact in evidence.facts(EpisodeWork):
         left = [
@@ -250,13 +247,7 @@ assert np.median(np.diff(sizes)) < 32768, ('bytes in use after each step', sizes
 """
 
 
-@check(
-    "GK834",
-    needs=("long",),
-    severity=LOW,
-    fix="keep what the rules need of the past, not whole observations or pictures",
-    looks_at="an episode of 40 turns or more",
-)
+@check("GK834", LOW, "long", looks_at="an episode of 40 turns or more")
 def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A step keeps no more than 32 kB of memory until the end of the episode.
 
@@ -269,6 +260,8 @@ def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         self.moves.append(action)
+
+    Fix: keep what the rules need of the past, not whole observations or pictures
     """
     for fact in evidence.facts(TurnWork):
         if len(fact.value.sizes) >= LEAST_TURNS:

@@ -19,7 +19,7 @@ from gamekeeper.episodes.canonical import from_json, shown, to_json
 NAME_PROOF = "name = make().metadata.get('name')\nassert isinstance(name, str) and name, name"
 
 
-@check("GK821", needs=("metadata",), severity=LOW, fix='metadata = {"name": "farm_v0", ...}')
+@check("GK821", LOW, "metadata")
 def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Metadata is a dictionary and has the environment's name, as text.
 
@@ -31,6 +31,8 @@ def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) 
 
     Good:
         metadata = {"name": "farm_v0", "render_modes": ["rgb_array"]}
+
+    Fix: metadata = {"name": "farm_v0", ...}
     """
     for fact in evidence.facts(Metadata):
         name, kind = fact.value.fields.get("name"), fact.value.kind
@@ -42,10 +44,8 @@ def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) 
 
 @check(
     "GK822",
-    needs=("metadata",),
-    severity=LOW,
-    fix='metadata = {"render_modes": ["human", "rgb_array"], ...}, with every mode that render() '
-    "knows",
+    LOW,
+    "metadata",
     looks_at='the entry "render_modes" of the metadata, or a render mode of the environment',
 )
 def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -61,6 +61,9 @@ def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Good:
         metadata = {"name": "farm_v0", "render_modes": ["rgb_array"]}
+
+    Fix: metadata = {"render_modes": ["human", "rgb_array"], ...}, with every mode that render()
+    knows
     """
     for fact in evidence.facts(Metadata):
         fields, own = fact.value.fields, fact.value.own
@@ -83,13 +86,7 @@ FPS_PROOF: Final = (
 )
 
 
-@check(
-    "GK823",
-    needs=("metadata",),
-    severity=LOW,
-    fix='metadata = {"render_fps": 10, ...}',
-    looks_at="a render mode that gives pictures, such as rgb_array",
-)
+@check("GK823", LOW, "metadata", looks_at="a render mode that gives pictures, such as rgb_array")
 def pictures_have_a_rate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An environment that renders pictures says in metadata["render_fps"] how many make a second.
 
@@ -103,6 +100,8 @@ def pictures_have_a_rate(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         metadata = {"name": "farm_v0", "render_modes": ["rgb_array"], "render_fps": 5}
+
+    Fix: metadata = {"render_fps": 10, ...}
     """
     for fact in evidence.facts(Metadata):
         fields = fact.value.fields
@@ -121,12 +120,7 @@ def _is_rate(fps: Any) -> bool:
         return False
 
 
-@check(
-    "GK824",
-    needs=("metadata",),
-    severity=LOW,
-    fix="copy the dictionary before changing it: self.metadata = {**self.metadata, ...}",
-)
+@check("GK824", LOW, "metadata")
 def metadata_stays(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Metadata doesn't change while the environment is used, nor when another instance is built.
 
@@ -137,6 +131,8 @@ def metadata_stays(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         self.metadata = {**self.metadata, "render_modes": [*modes, "ansi"]}
+
+    Fix: copy the dictionary before changing it: self.metadata = {**self.metadata, ...}
     """
     for fact in evidence.facts(LaterMetadata):
         before = fact.value.before
@@ -164,13 +160,7 @@ PARALLELIZABLE_PROOF: Final = (
 )
 
 
-@check(
-    "GK825",
-    needs=("metadata",),
-    severity=LOW,
-    fix='metadata = {"is_parallelizable": False, ...}',
-    looks_at='the entry "is_parallelizable" of the metadata',
-)
+@check("GK825", LOW, "metadata", looks_at='the entry "is_parallelizable" of the metadata')
 def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """metadata["is_parallelizable"], where it is there, is True or False.
 
@@ -181,6 +171,8 @@ def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Cas
 
     Good:
         metadata = {"name": "farm_v0", "is_parallelizable": False}
+
+    Fix: metadata = {"is_parallelizable": False, ...}
     """
     for fact in evidence.facts(Metadata):
         if "is_parallelizable" in fact.value.fields:

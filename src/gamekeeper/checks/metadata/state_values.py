@@ -66,13 +66,7 @@ def answer_at(fact: Fact[Any], answer: StateAnswer, field: str = "state") -> Whe
     return replace(fact.where, turn=answer.turn, field=field)
 
 
-@check(
-    "GK811",
-    needs=("state", "rollout"),
-    severity=MEDIUM,
-    fix="make state() of one shape, whoever is still alive, and declare it in state_space",
-    applies=stateless,
-)
+@check("GK811", MEDIUM, "state", "rollout", applies=stateless)
 def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() has the shape of state_space, and without one a shape that it keeps.
 
@@ -83,6 +77,8 @@ def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Good:
         return np.concatenate([self.row(agent) for agent in self.possible_agents])
+
+    Fix: make state() of one shape, whoever is still alive, and declare it in state_space
     """
     firsts: dict[tuple[str, int], list[int]] = {}
     for fact, answer in forms(evidence):
@@ -100,13 +96,7 @@ def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
         yield Case(answer_at(fact, answer), shape == expected, expected, seen, proof=proof)
 
 
-@check(
-    "GK812",
-    needs=("state", "rollout"),
-    severity=MEDIUM,
-    fix="state().astype(self.state_space.dtype)",
-    applies=stateless,
-)
+@check("GK812", MEDIUM, "state", "rollout", applies=stateless)
 def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() has the dtype of state_space, and without one a dtype that it keeps.
 
@@ -117,6 +107,8 @@ def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Good:
         return np.concatenate(rows, dtype=np.float32)     # as state_space says
+
+    Fix: state().astype(self.state_space.dtype)
     """
     firsts: dict[tuple[str, int], object] = {}
     for fact, answer in forms(evidence):
@@ -138,13 +130,7 @@ WITHIN = "state = env.state()\nassert env.state_space.contains(state), (state, e
 NUMBER = "state = env.state()\nassert not np.isnan(state).any(), state"
 
 
-@check(
-    "GK813",
-    needs=("state", "rollout"),
-    severity=MEDIUM,
-    fix="scale state(), or widen state_space to what it can be; keep NaN out of both",
-    applies=stateless,
-)
+@check("GK813", MEDIUM, "state", "rollout", applies=stateless)
 def states_are_within_bounds(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() lies within the bounds of state_space, and is never NaN.
 
@@ -156,6 +142,8 @@ def states_are_within_bounds(contract: Contract, evidence: ProbeEvidence) -> Cas
 
     Good:
         return self.cells / 5
+
+    Fix: scale state(), or widen state_space to what it can be; keep NaN out of both
     """
     for fact, answer in forms(evidence):
         if answer.has_nan:
@@ -181,14 +169,7 @@ STATE_TWICE_PROOF = (
 )
 
 
-@check(
-    "GK814",
-    needs=("state",),
-    severity=MEDIUM,
-    fix="make state() a function of the game alone; noise belongs into observations, drawn in "
-    "step()",
-    applies=stateless,
-)
+@check("GK814", MEDIUM, "state", applies=stateless)
 def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() says the same when it is asked twice at one moment: it neither draws nor counts.
 
@@ -200,6 +181,8 @@ def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence)
 
     Good:
         return self.table()
+
+    Fix: make state() a function of the game alone; noise belongs into observations, drawn in step()
     """
     for fact, answer in answers(evidence):
         if answer.failed is None:
@@ -210,13 +193,7 @@ def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence)
             )
 
 
-@check(
-    "GK815",
-    needs=("state",),
-    severity=MEDIUM,
-    fix="forget in reset() whatever state() keeps",
-    applies=stateless,
-)
+@check("GK815", MEDIUM, "state", applies=stateless)
 def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() is of this episode alone: after a reset nothing of the last one stands in it.
 
@@ -232,6 +209,8 @@ def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) 
     Good:
         def reset(self, seed=None, options=None):
             self.kept = None
+
+    Fix: forget in reset() whatever state() keeps
     """
     proof = reproducer_of(states_forget, compares=True)
     for fact in evidence.facts(UsedState):
@@ -244,14 +223,7 @@ LEAST_MOVES: Final = 8
 """Turns at which observations changed, before a state that stays says anything."""
 
 
-@check(
-    "GK816",
-    needs=("state",),
-    severity=MEDIUM,
-    confidence=0.9,
-    fix="make state() from what step() changes",
-    applies=stateless,
-)
+@check("GK816", MEDIUM, "state", confidence=0.9, applies=stateless)
 def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() follows the game: while observations change over a whole play, it does too.
 
@@ -265,6 +237,8 @@ def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Cases
     Good:
         def state(self):
             return self.table()
+
+    Fix: make state() from what step() changes
     """
     looks = [
         (fact, {a.digest for a in fact.value.answers if a.failed is None})
@@ -283,14 +257,7 @@ def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Cases
 LEAST_TRIALS: Final = 4
 
 
-@check(
-    "GK817",
-    needs=("state",),
-    severity=MEDIUM,
-    confidence=0.8,
-    fix="make state() of what the step has led to, not of what it came from",
-    applies=stateless,
-)
+@check("GK817", MEDIUM, "state", confidence=0.8, applies=stateless)
 def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() shows what a step has done at once, not a turn late.
 
@@ -305,6 +272,8 @@ def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         def state(self):
             return self.table()
+
+    Fix: make state() of what the step has led to, not of what it came from
     """
     for fact in evidence.facts(LateState):
         trials, later = fact.value.trials, fact.value.later
@@ -318,13 +287,7 @@ def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Cases:
             yield Case(fact.where, False, "shown at once", seen, proof)
 
 
-@check(
-    "GK818",
-    needs=("state",),
-    severity=MEDIUM,
-    fix="let state() answer at any time after reset(), whoever is still alive",
-    applies=stateless,
-)
+@check("GK818", MEDIUM, "state", applies=stateless)
 def states_answer_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() answers at every turn of a play, once it is there at all.
 
@@ -335,6 +298,8 @@ def states_answer_all_along(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Good:
         return np.concatenate([self.row(agent) for agent in self.possible_agents])
+
+    Fix: let state() answer at any time after reset(), whoever is still alive
     """
     for fact, answer in answers(evidence):
         failed = answer.failed

@@ -62,10 +62,9 @@ class _Trial:
 
 @check(
     "GK411",
-    needs=("influence", "payment_times"),
-    severity=MEDIUM,
-    fix="compute the rewards after the moves of the tick, from the state that the observations "
-    "of the same step show",
+    MEDIUM,
+    "influence",
+    "payment_times",
     confidence=0.9,
     looks_at="an action that, replaced alone, moves a reward of its own step, five that move the "
     "next one, or four unusual rewards of one size: a larger --budget tries more",
@@ -108,6 +107,9 @@ def rewards_come_with_the_tick_that_earns_them(
         for agent in self.agents:
             self.move(agent, actions[agent])
         rewards = {a: self.reward(a) for a in self.agents}
+
+    Fix: compute the rewards after the moves of the tick, from the state that the observations of
+    the same step show
     """
     for part in _parts(evidence):
         yield from _judged(evidence, part)

@@ -23,8 +23,6 @@ class PaidTerms:
     """Rewards of one step by term.
 
     Attributes:
-        trace: of which play.
-        turn: which step.
         terms: by term, then by agent; an agent that isn't named was paid 0.
         payable: agents that were live and hadn't ended before it.
     """
@@ -76,9 +74,8 @@ def _no_sum(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK408",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="pay every part of the reward under a term that the contract declares",
+    HIGH,
+    "rollout",
     applies=_no_sum,
     looks_at="reward terms that the contract declares and the environment tells",
 )
@@ -95,6 +92,8 @@ def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         self.add_reward(agent, 1.0, term="delivery")
         self.add_reward(agent, bonus, term="bonus")      # declared: [rewards.bonus]
+
+    Fix: pay every part of the reward under a term that the contract declares
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -131,10 +130,8 @@ def _no_shared_term(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK409",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="pay a shared term to all its payees alike and let a zero-sum term's payments cancel out "
-    "in every step, or declare another kind",
+    HIGH,
+    "rollout",
     applies=_no_shared_term,
     looks_at="a payment of a term that is declared shared or zero-sum",
 )
@@ -151,6 +148,9 @@ def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) ->
     Good:
         for agent in self.agents:
             self.add_reward(agent, 1.0, term="delivery")
+
+    Fix: pay a shared term to all its payees alike and let a zero-sum term's payments cancel out in
+    every step, or declare another kind
     """
     for paid in all_paid(contract, evidence):
         for name, term in contract.rewards.items():
@@ -205,14 +205,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return "no reward term is declared as individual and paid to its earner"
 
 
-@check(
-    "GK421",
-    needs=("alternatives",),
-    severity=HIGH,
-    fix="pay the term to the agent whose action brings it about, or declare its payee",
-    confidence=0.9,
-    applies=_declared,
-)
+@check("GK421", HIGH, "alternatives", confidence=0.9, applies=_declared)
 def individual_terms_land_on_who_earned_them(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An individual reward or penalty lands on the agent that brought it about, on no other.
 
@@ -232,6 +225,8 @@ def individual_terms_land_on_who_earned_them(contract: Contract, evidence: Probe
     Good:
         if self.occupied(target):
             self.penalties[agent] -= 1                      # who drove pays
+
+    Fix: pay the term to the agent whose action brings it about, or declare its payee
     """
     told = [(fact, _told(fact)) for fact in evidence.facts(Payment)]
     for fact, culprit in told:

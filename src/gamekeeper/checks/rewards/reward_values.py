@@ -34,9 +34,6 @@ class ToldReward:
     """Cumulative reward that `last()` gave an agent at its turn, beside the sum it should be.
 
     Attributes:
-        trace: where.
-        turn: when.
-        agent: whom.
         told: the reward of `last()`.
         paid: its `rewards` since its own last turn, or since the reset.
         carried: what it was told at its own last turn; 0 at its first.
@@ -156,14 +153,7 @@ def _told(trace: Episode, last: Mapping[int, Any]) -> Iterator[ToldReward]:
         ledger.book(turn)
 
 
-@check(
-    "GK403",
-    needs=("rollout", "books"),
-    severity=HIGH,
-    api="aec",
-    fix="in step(): set `self._cumulative_rewards[agent] = 0` for the agent that acts, clear "
-    "`rewards`, set them, and call `self._accumulate_rewards()` last, on every path",
-)
+@check("GK403", HIGH, "rollout", "books", api="aec")
 def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reward is accumulated: `last()` gives all that was paid since the agent's last turn.
 
@@ -180,6 +170,9 @@ def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Case
         self._clear_rewards()
         self.rewards[agent] = 1.0
         self._accumulate_rewards()
+
+    Fix: in step(): set `self._cumulative_rewards[agent] = 0` for the agent that acts, clear
+    `rewards`, set them, and call `self._accumulate_rewards()` last, on every path
     """
     for told, kind in all_told(evidence):
         where = told.trace.at(told.turn, told.agent, "cumulative_reward")
@@ -188,14 +181,7 @@ def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Case
         yield Case(where, kind != "lost", expected, seen, reproducer_of(rewards_add_up))
 
 
-@check(
-    "GK404",
-    needs=("rollout", "books"),
-    severity=HIGH,
-    api="aec",
-    fix="set `self._cumulative_rewards[agent] = 0` for the agent that acts, before rewards are "
-    "accumulated, and accumulate once in a step",
-)
+@check("GK404", HIGH, "rollout", "books", api="aec")
 def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`last()` tells each reward once: cumulative rewards are cleared when their agent acts.
 
@@ -212,6 +198,9 @@ def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
         self._clear_rewards()
         self.rewards[agent] = 1.0
         self._accumulate_rewards()
+
+    Fix: set `self._cumulative_rewards[agent] = 0` for the agent that acts, before rewards are
+    accumulated, and accumulate once in a step
     """
     for told, kind in all_told(evidence):
         more = {
@@ -234,14 +223,7 @@ assert not any(env.rewards.values()), env.rewards
 assert not any(env._cumulative_rewards.values()), env._cumulative_rewards  # what last() reads"""
 
 
-@check(
-    "GK406",
-    needs=("books",),
-    severity=HIGH,
-    api="aec",
-    fix="in reset(): `self.rewards = dict.fromkeys(self.agents, 0.0)`, and the same for "
-    "`self._cumulative_rewards`",
-)
+@check("GK406", HIGH, "books", api="aec")
 def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset clears `rewards` and what `last()` tells: nothing of the last episode is owed.
 
@@ -257,6 +239,9 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
             self.agents = self.possible_agents[:]
             self.rewards = dict.fromkeys(self.agents, 0.0)
             self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
+
+    Fix: in reset(): `self.rewards = dict.fromkeys(self.agents, 0.0)`, and the same for
+    `self._cumulative_rewards`
     """
     for fact in evidence.facts(OwedAfterReset):
         owed = fact.value
@@ -266,14 +251,7 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(fact.where, not books, "nothing owed after a reset", seen, RESET_DEBT_PROOF)
 
 
-@check(
-    "GK407",
-    needs=("rollout",),
-    severity=MEDIUM,
-    api="aec",
-    fix="clear `rewards` in the None step of a dead agent, as `self._was_dead_step(None)` does",
-    looks_at="a None turn of an agent that has ended",
-)
+@check("GK407", MEDIUM, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
 def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The None step of a dead agent pays nobody: rewards from before it are cleared, not left over.
 
@@ -288,6 +266,8 @@ def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         if self.terminations[agent]:
             return self._was_dead_step(action)
+
+    Fix: clear `rewards` in the None step of a dead agent, as `self._was_dead_step(None)` does
     """
     for trace in evidence["rollout"]:
         stood: Mapping[str, float] = {}
@@ -317,14 +297,7 @@ NO_NUMBERS: Final = ("NoneType", "str", "bytes", "list", "tuple", "dict", "compl
 """Types that are no real numbers, whatever they hold."""
 
 
-@check(
-    "GK401",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="pay a finite Python or NumPy number: 0.0 where nothing is paid, `float(...)` around an "
-    "array of one element",
-    looks_at="a step that returns rewards",
-)
+@check("GK401", HIGH, "rollout", looks_at="a step that returns rewards")
 def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reward is one finite real number: no None, no NaN or infinity, no array, no text.
 
@@ -339,6 +312,9 @@ def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         rewards[agent] = 1.0 if agent in scored else 0.0
         rewards[agent] = gain / cost if cost else 0.0
+
+    Fix: pay a finite Python or NumPy number: 0.0 where nothing is paid, `float(...)` around an
+    array of one element
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -393,9 +369,8 @@ def _allowed(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK402",
-    needs=("rollout",),
-    severity=HIGH,
-    fix='pay an agent 0 once it has ended, or declare rewards.after_end = "allowed"',
+    HIGH,
+    "rollout",
     applies=_allowed,
     looks_at="a turn after an agent's end (AEC: in which another agent acts)",
 )
@@ -412,6 +387,8 @@ def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Case
     Good:
         for agent in self.agents:
             rewards[agent] += team_bonus
+
+    Fix: pay an agent 0 once it has ended, or declare rewards.after_end = "allowed"
     """
     for trace in evidence["rollout"]:
         ended: frozenset[str] = frozenset()
@@ -433,13 +410,7 @@ def _after_end_proof(api: str, agent: str) -> str:
     )
 
 
-@check(
-    "GK405",
-    needs=("books",),
-    severity=HIGH,
-    api="aec",
-    fix="call `self._clear_rewards()` at the start of every step of a live agent",
-)
+@check("GK405", HIGH, "books", api="aec")
 def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`rewards` is cleared in every step: it holds what that step paid, nothing from before.
 
@@ -459,6 +430,8 @@ def rewards_are_made_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
             self._clear_rewards()
             self.rewards[agent] = gain
             self._accumulate_rewards()
+
+    Fix: call `self._clear_rewards()` at the start of every step of a live agent
     """
     for fact in evidence.facts(MarkedReward):
         seen = fact.value

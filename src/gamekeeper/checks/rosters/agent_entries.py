@@ -92,13 +92,7 @@ ACCOUNTS: Final = frozenset({"cumulative_reward", "terminated", "truncated"})
 BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
 
 
-@check(
-    "GK106",
-    needs=("rollout", "surface"),
-    severity=MEDIUM,
-    fix="build the dictionaries over those who acted in this step (and who joined in it), not "
-    "over possible_agents",
-)
+@check("GK106", MEDIUM, "rollout", "surface")
 def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has left has no entry in rewards, terminations, truncations.
 
@@ -108,6 +102,9 @@ def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvid
     Bad: `rewards = {a: 0.0 for a in self.possible_agents}` in every step.
 
     Good: `rewards = {a: 0.0 for a in self.agents}`, taken before anybody is removed.
+
+    Fix: build the dictionaries over those who acted in this step (and who joined in it), not over
+    possible_agents
     """
     if evidence.api == "aec":
         yield from _gone_in_books(evidence, _removed_early(contract, evidence))
@@ -166,13 +163,7 @@ def _gone_proof(part: str) -> str:
     return f"gone = set({PARTS[part]}) - set(env.agents) - set(ACTIONS[-1])\nassert not gone, gone"
 
 
-@check(
-    "GK107",
-    needs=("rollout", "surface"),
-    severity=HIGH,
-    fix="give every agent in `agents` its entry in each dictionary, also where nothing happened "
-    "to it: build them over `self.agents`",
-)
+@check("GK107", HIGH, "rollout", "surface")
 def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent in `agents` is given an observation, a reward and both flags, at every step.
 
@@ -182,6 +173,9 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
     Bad: `observations = {a: see(a) for a in moved}`: who waited is told nothing.
 
     Good: `observations = {a: see(a) for a in self.agents}`.
+
+    Fix: give every agent in `agents` its entry in each dictionary, also where nothing happened to
+    it: build them over `self.agents`
     """
     if evidence.api == "aec":
         yield from _living_in_books(evidence)
@@ -232,15 +226,7 @@ def _living_proof(book: str) -> str:
     return f"missing = set(env.agents) - set({book})\nassert not missing, missing"
 
 
-@check(
-    "GK108",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="build the dictionaries of a step over those who acted in it, before the ones that ended "
-    "are taken out of `agents`",
-    api="parallel",
-    looks_at="an agent that ends",
-)
+@check("GK108", HIGH, "rollout", api="parallel", looks_at="an agent that ends")
 def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is given its last reward, last observation and both flags in that step.
 
@@ -250,6 +236,9 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
     Bad: `self.agents` loses the dead, then `rewards = {a: pay[a] for a in self.agents}`.
 
     Good: `rewards = {a: pay[a] for a in acting}`, with `acting` as it was before the step.
+
+    Fix: build the dictionaries of a step over those who acted in it, before the ones that ended are
+    taken out of `agents`
     """
     for trace in evidence["rollout"]:
         for each in turn_entries(trace):
@@ -285,13 +274,7 @@ assert not missing, missing"""
 IN_BOOKS = "assert not set(env.agents) - set(env.infos), set(env.agents) - set(env.infos)"
 
 
-@check(
-    "GK109",
-    needs=("rollout", "surface"),
-    severity=MEDIUM,
-    fix="give every agent an info, an empty dictionary where there is nothing to say: "
-    "`{a: {} for a in agents}`",
-)
+@check("GK109", MEDIUM, "rollout", "surface")
 def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent has its entry in infos: after reset, in every step, and in its last one.
 
@@ -301,6 +284,9 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
     Bad: `return observations, {}` from reset.
 
     Good: `return observations, {a: {} for a in self.agents}`.
+
+    Fix: give every agent an info, an empty dictionary where there is nothing to say: `{a: {} for a
+    in agents}`
     """
     if evidence.api == "aec":
         for fact in evidence.facts(BookEntries):
@@ -340,14 +326,7 @@ LAST: Final = "a tuple of five: observation, reward, terminated, truncated, info
 PROOF_AEC: Final = "out = env.last()\nassert isinstance(out, tuple) and len(out) == 5, out"
 
 
-@check(
-    "GK110",
-    needs=("surface",),
-    severity=HIGH,
-    fix="return (observations, infos) from reset and (observations, rewards, terminations, "
-    "truncations, infos) from step, each a dictionary by agent, also once the episode is over; "
-    "leave last() as AECEnv has it",
-)
+@check("GK110", HIGH, "surface")
 def reset_returns_two_dictionaries_and_step_five(
     contract: Contract, evidence: ProbeEvidence
 ) -> Cases:
@@ -360,6 +339,10 @@ def reset_returns_two_dictionaries_and_step_five(
     Bad: `return observations, rewards, dones, infos`.
 
     Good: `return observations, rewards, terminations, truncations, infos`.
+
+    Fix: return (observations, infos) from reset and (observations, rewards, terminations,
+    truncations, infos) from step, each a dictionary by agent, also once the episode is over; leave
+    last() as AECEnv has it
     """
     for fact in evidence.facts(ReturnedForms):
         for turn, wrong in enumerate(fact.value.calls):
@@ -378,13 +361,7 @@ def reset_returns_two_dictionaries_and_step_five(
 
 
 @check(
-    "GK113",
-    needs=("rollout",),
-    severity=LOW,
-    fix="build observations and infos over those who acted in this step (and who joined in it), "
-    "not over possible_agents",
-    api="parallel",
-    looks_at="an agent that has left while others play on",
+    "GK113", LOW, "rollout", api="parallel", looks_at="an agent that has left while others play on"
 )
 def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has left the game stands no longer in observations or infos.
@@ -395,6 +372,9 @@ def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> C
     Bad: `observations = {a: see(a) for a in self.possible_agents}` in every step.
 
     Good: `observations = {a: see(a) for a in acting}`.
+
+    Fix: build observations and infos over those who acted in this step (and who joined in it), not
+    over possible_agents
     """
     for trace in evidence["rollout"]:
         ever: set[str] = set()

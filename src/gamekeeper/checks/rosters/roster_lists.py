@@ -28,13 +28,7 @@ PROOF = Reproducer(
 )
 
 
-@check(
-    "GK101",
-    needs=("surface",),
-    severity=MEDIUM,
-    fix="fill possible_agents in the constructor with every agent that may ever appear; leave the "
-    "attribute out where nobody can know them",
-)
+@check("GK101", MEDIUM, "surface")
 def possible_agents_are_known_before_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """possible_agents names every possible agent before the first reset; it isn't empty.
 
@@ -44,6 +38,9 @@ def possible_agents_are_known_before_a_reset(contract: Contract, evidence: Probe
     Bad: `self.possible_agents = []` in the constructor, filled by `reset`.
 
     Good: `self.possible_agents = [f"rover_{i}" for i in range(count)]` in the constructor.
+
+    Fix: fill possible_agents in the constructor with every agent that may ever appear; leave the
+    attribute out where nobody can know them
     """
     for fact in evidence.facts(PossibleAgents):
         before = fact.value.before
@@ -62,13 +59,7 @@ assert one == other, (one, other)""",
 )
 
 
-@check(
-    "GK102",
-    needs=("surface",),
-    severity=HIGH,
-    fix="build possible_agents once in the constructor and never touch it again; in reset take a "
-    "copy: `self.agents = self.possible_agents[:]`",
-)
+@check("GK102", HIGH, "surface")
 def possible_agents_never_change(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """possible_agents stays the same list of names for good, whoever leaves `agents`.
 
@@ -79,6 +70,9 @@ def possible_agents_never_change(contract: Contract, evidence: ProbeEvidence) ->
     Bad: `self.agents = self.possible_agents`, then `self.agents.remove(agent)`.
 
     Good: `self.agents = self.possible_agents[:]`.
+
+    Fix: build possible_agents once in the constructor and never touch it again; in reset take a
+    copy: `self.agents = self.possible_agents[:]`
     """
     first = list(evidence.agents)  # named before anything was played
     for fact in evidence.facts(PossibleAgents):
@@ -113,13 +107,7 @@ def _look(where: Where, names: Any, named: list[str], proof: Reproducer) -> Case
     return Case(where, names == named, named, names, proof=proof)
 
 
-@check(
-    "GK104",
-    needs=("rollout", "surface"),
-    severity=HIGH,
-    fix="keep each name once; take agents out of the list that is there, or build it anew in "
-    "reset, before names are added",
-)
+@check("GK104", HIGH, "rollout", "surface")
 def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No name stands twice in `agents` or in `possible_agents`.
 
@@ -129,6 +117,9 @@ def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Ca
     Bad: `self.agents += self.possible_agents` in a reset that doesn't empty the list first.
 
     Good: `self.agents = self.possible_agents[:]`.
+
+    Fix: keep each name once; take agents out of the list that is there, or build it anew in reset,
+    before names are added
     """
     for roster in evidence.facts(TurnRosters):
         for turn, names in enumerate(roster.value.turns):
@@ -154,13 +145,7 @@ strangers = set(env.agents) - set(env.possible_agents)
 assert not strangers, strangers"""
 
 
-@check(
-    "GK105",
-    needs=("rollout", "surface"),
-    severity=HIGH,
-    fix="list in possible_agents every agent that may ever join, and speak of agents only in the "
-    "dictionaries; where names can't be known leave possible_agents out",
-)
+@check("GK105", HIGH, "rollout", "surface")
 def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Agents in `agents`, or with a reward or an ending, are among possible_agents.
 
@@ -170,6 +155,9 @@ def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) 
     Bad: `self.agents.append(f"guest_{self.count}")`, while possible_agents lists three hosts.
 
     Good: `possible_agents` lists as many guests as can ever come, and `agents` those who are there.
+
+    Fix: list in possible_agents every agent that may ever join, and speak of agents only in the
+    dictionaries; where names can't be known leave possible_agents out
     """
     possible = set(evidence.agents)
     for fact in evidence.facts(PossibleAgents):
@@ -223,12 +211,7 @@ env.reset(seed=SEED)
 assert set(env.agents) == set(fresh.agents), (list(env.agents), list(fresh.agents))"""
 
 
-@check(
-    "GK103",
-    needs=("surface",),
-    severity=HIGH,
-    fix="fill `agents` anew in every reset, from scratch: `self.agents = self.possible_agents[:]`",
-)
+@check("GK103", HIGH, "surface")
 def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every reset fills `agents`: somebody is there, and nobody of the last episode is missing.
 
@@ -239,6 +222,8 @@ def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) ->
     Bad: `reset` sets up the board, but `self.agents` was filled by the constructor only.
 
     Good: `self.agents = self.possible_agents[:]` in `reset`.
+
+    Fix: fill `agents` anew in every reset, from scratch: `self.agents = self.possible_agents[:]`
     """
     shrunk = {
         fact.where.play
@@ -265,12 +250,7 @@ def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) ->
                 yield Case(where, is_ok, first, midway, RESTORED)
 
 
-@check(
-    "GK111",
-    needs=("surface",),
-    severity=LOW,
-    fix="leave num_agents and max_num_agents to PettingZoo's base class, which counts the lists",
-)
+@check("GK111", LOW, "surface")
 def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """num_agents is the length of `agents`, and max_num_agents that of possible_agents.
 
@@ -280,6 +260,8 @@ def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) ->
     Bad: `num_agents = 3`, while two are left.
 
     Good: no attributes of one's own, but those of `ParallelEnv` and `AECEnv`.
+
+    Fix: leave num_agents and max_num_agents to PettingZoo's base class, which counts the lists
     """
     for fact in evidence.facts(AgentCounts):
         for turn, (live, most, agents, possible) in enumerate(fact.value.turns):
@@ -298,14 +280,7 @@ def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) ->
                     )
 
 
-@check(
-    "GK112",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="keep an agent that will be back in `agents` without ending it, or let a new one join "
-    "under a name that wasn't used in this episode",
-    looks_at="an agent that has left while others play on",
-)
+@check("GK112", HIGH, "rollout", looks_at="an agent that has left while others play on")
 def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended and left isn't revived under the same name in the same episode.
 
@@ -315,6 +290,9 @@ def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvide
     Bad: `self.agents.append(prey)` some steps after the prey was eaten.
 
     Good: a prey that is eaten is set down elsewhere without ending, or `prey_7` joins for `prey_3`.
+
+    Fix: keep an agent that will be back in `agents` without ending it, or let a new one join under
+    a name that wasn't used in this episode
     """
     for trace, rosters in plays_with_rosters(evidence):
         gone: set[str] = set()
@@ -354,12 +332,7 @@ FINE: Final = ("list", "tuple", "")
 ROSTERS: Final = ("agents", "possible_agents")
 
 
-@check(
-    "GK114",
-    needs=("surface",),
-    severity=MEDIUM,
-    fix="keep the names in a list: `self.agents = list(...)`",
-)
+@check("GK114", MEDIUM, "surface")
 def rosters_are_lists(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agents` and possible_agents are lists: ordered, with a length, empty once nobody is left.
 
@@ -369,6 +342,8 @@ def rosters_are_lists(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Bad: `self.agents = {"a", "b"}` or `self.agents = self.robots.keys()`.
 
     Good: `self.agents = list(self.robots)`.
+
+    Fix: keep the names in a list: `self.agents = list(...)`
     """
     for fact in evidence.facts(RosterKinds):
         for turn, kinds in fact.value.kinds:

@@ -132,12 +132,7 @@ def _apart_proof(api: str, field: str, one: object, other: object) -> str:
     )
 
 
-@check(
-    "GK610",
-    needs=("kept",),
-    severity=HIGH,
-    fix="return a new array from every call (or a copy of the buffer), the mask's too",
-)
+@check("GK610", HIGH, "kept")
 def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An observation that was handed out doesn't change at a later turn.
 
@@ -152,16 +147,13 @@ def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     Good:
         def observe(self, agent):
             return (self.board == self.token[agent]).astype(np.int8)
+
+    Fix: return a new array from every call (or a copy of the buffer), the mask's too
     """
     yield from kept_cases(evidence, "observations")
 
 
-@check(
-    "GK611",
-    needs=("kept",),
-    severity=MEDIUM,
-    fix="build a new info for every step, with copies of arrays such as action masks",
-)
+@check("GK611", MEDIUM, "kept")
 def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An info that was handed out, an action mask in it too, doesn't change at a later turn.
 
@@ -172,18 +164,14 @@ def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Good:
         self.infos[agent] = {"action_mask": self.legal.copy()}
+
+    Fix: build a new info for every step, with copies of arrays such as action masks
     """
     if not _is_one_for_all(evidence, "infos"):  # GK615 tells it
         yield from kept_cases(evidence, "infos")
 
 
-@check(
-    "GK612",
-    needs=("kept",),
-    severity=HIGH,
-    fix="return a copy from state(): `return self.world.copy()`",
-    applies=without_state,
-)
+@check("GK612", HIGH, "kept", applies=without_state)
 def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Values that state() returned don't change at a later turn.
 
@@ -196,17 +184,13 @@ def states_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cas
     Good:
         def state(self):
             return self.world.copy()
+
+    Fix: return a copy from state(): `return self.world.copy()`
     """
     yield from kept_cases(evidence, "state")
 
 
-@check(
-    "GK613",
-    needs=("kept",),
-    severity=MEDIUM,
-    fix="return new dictionaries from every step: `return obs, dict(self.rewards), ...`",
-    api="parallel",
-)
+@check("GK613", MEDIUM, "kept", api="parallel")
 def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The dictionaries of rewards and endings that step returned don't change at a later step.
 
@@ -221,16 +205,13 @@ def dictionaries_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
     Good:
         rewards = {agent: self.score(agent) for agent in self.agents}
         return observations, rewards, ...
+
+    Fix: return new dictionaries from every step: `return obs, dict(self.rewards), ...`
     """
     yield from kept_cases(evidence, "rewards", "terminations", "truncations")
 
 
-@check(
-    "GK614",
-    needs=("kept",),
-    severity=MEDIUM,
-    fix="give each agent an array of its own: `{agent: view.copy() for agent in self.agents}`",
-)
+@check("GK614", MEDIUM, "kept")
 def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The observations of two agents share no memory that can be written to.
 
@@ -244,17 +225,14 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases
 
     Good:
         return {agent: self.board_view() for agent in self.agents}
+
+    Fix: give each agent an array of its own: `{agent: view.copy() for agent in self.agents}`
     """
     if not _is_one_for_all(evidence, "observations"):  # GK610 tells it
         yield from apart_cases(evidence, "observations")
 
 
-@check(
-    "GK615",
-    needs=("kept",),
-    severity=MEDIUM,
-    fix="`{agent: {} for agent in self.agents}`, not `dict.fromkeys(self.agents, {})`",
-)
+@check("GK615", MEDIUM, "kept")
 def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The infos of two agents are not one dictionary, nor do they share an array.
 
@@ -266,6 +244,8 @@ def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         infos = {agent: {} for agent in self.agents}
+
+    Fix: `{agent: {} for agent in self.agents}`, not `dict.fromkeys(self.agents, {})`
     """
     yield from apart_cases(evidence, "infos")
 
@@ -296,9 +276,8 @@ def none_of(kind: str, reason: str) -> Callable[[Contract, ProbeEvidence], str |
 
 @check(
     "GK620",
-    needs=("written",),
-    severity=HIGH,
-    fix="return copies: no array that the rules, or a cache, will read again",
+    HIGH,
+    "written",
     applies=none_of("observations", "observations hold no array that can be written to"),
 )
 def written_observations_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -314,16 +293,14 @@ def written_observations_change_nothing(contract: Contract, evidence: ProbeEvide
     Good:
         def observe(self, agent):
             return self.board.copy()
+
+    Fix: return copies: no array that the rules, or a cache, will read again
     """
     yield from written_cases(evidence, "observations")
 
 
 @check(
-    "GK621",
-    needs=("written",),
-    severity=HIGH,
-    fix='put copies into infos: `{"position": self.position.copy()}`',
-    applies=none_of("infos", "infos hold no array that can be written to"),
+    "GK621", HIGH, "written", applies=none_of("infos", "infos hold no array that can be written to")
 )
 def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an array of an info doesn't change the game.
@@ -335,15 +312,16 @@ def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) ->
 
     Good:
         infos[agent] = {"position": self.position[agent].copy()}
+
+    Fix: put copies into infos: `{"position": self.position.copy()}`
     """
     yield from written_cases(evidence, "infos")
 
 
 @check(
     "GK622",
-    needs=("written",),
-    severity=HIGH,
-    fix="return a copy from state(): `return self.world.copy()`",
+    HIGH,
+    "written",
     applies=none_of("state", "it has no state() that only looks and hands out arrays"),
 )
 def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -358,17 +336,13 @@ def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -
     Good:
         def state(self):
             return self.world.copy()        # the caller's own
+
+    Fix: return a copy from state(): `return self.world.copy()`
     """
     yield from written_cases(evidence, "state")
 
 
-@check(
-    "GK623",
-    needs=("written",),
-    severity=MEDIUM,
-    fix="return new dictionaries: `return observations, dict(self.rewards), ...`",
-    api="parallel",
-)
+@check("GK623", MEDIUM, "written", api="parallel")
 def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Emptying the dictionaries that reset and step returned doesn't change the game.
 
@@ -380,15 +354,16 @@ def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvide
 
     Good:
         return observations, dict(self.rewards), dict(self.terminations), ...
+
+    Fix: return new dictionaries: `return observations, dict(self.rewards), ...`
     """
     yield from written_cases(evidence, "dictionaries")
 
 
 @check(
     "GK624",
-    needs=("written",),
-    severity=MEDIUM,
-    fix='hand out a copy of the mask: `{"action_mask": self.legal.copy()}`',
+    MEDIUM,
+    "written",
     applies=none_of("masks", "no action mask is handed out that can be written to"),
 )
 def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -402,6 +377,8 @@ def written_masks_change_nothing(contract: Contract, evidence: ProbeEvidence) ->
 
     Good:
         infos[agent] = {"action_mask": self.legal.copy()}
+
+    Fix: hand out a copy of the mask: `{"action_mask": self.legal.copy()}`
     """
     yield from written_cases(evidence, "masks")
 
@@ -426,13 +403,7 @@ def no_writable_actions(contract: Contract, evidence: ProbeEvidence) -> str | No
     return None
 
 
-@check(
-    "GK630",
-    needs=("handed_over",),
-    severity=HIGH,
-    fix="compute with a copy: `push = 0.1 * actions[agent]`, not `actions[agent] *= 0.1`",
-    applies=no_writable_actions,
-)
+@check("GK630", HIGH, "handed_over", applies=no_writable_actions)
 def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The actions that are handed to step, and their dictionary, are as before once it returns.
 
@@ -445,17 +416,13 @@ def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Ca
 
     Good:
         push = 0.1 * actions[agent]
+
+    Fix: compute with a copy: `push = 0.1 * actions[agent]`, not `actions[agent] *= 0.1`
     """
     yield from handed_cases(evidence, HandedActions, reproducer_of(actions_stay))
 
 
-@check(
-    "GK631",
-    needs=("handed_over",),
-    severity=HIGH,
-    fix="keep a copy of what is needed after the step: `self.last_action = np.array(action)`",
-    applies=no_writable_actions,
-)
+@check("GK631", HIGH, "handed_over", applies=no_writable_actions)
 def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Writing into an action after its step doesn't change the game: step keeps no reference.
 
@@ -467,6 +434,8 @@ def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) 
 
     Good:
         self.last_actions = {agent: np.array(actions[agent]) for agent in actions}
+
+    Fix: keep a copy of what is needed after the step: `self.last_action = np.array(action)`
     """
     for counterfactual in evidence.counterfactuals("handed_over"):
         first_divergence = counterfactual.divergence
@@ -487,12 +456,7 @@ env.reset(seed=SEED, options=options)
 assert options == {}, options"""
 
 
-@check(
-    "GK632",
-    needs=("handed_over",),
-    severity=LOW,
-    fix="work with a copy: `options = {**DEFAULTS, **(options or {})}`",
-)
+@check("GK632", LOW, "handed_over")
 def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The options that are handed to reset are as before once it returns.
 
@@ -504,5 +468,7 @@ def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> C
 
     Good:
         wind = (options or {}).get("wind", self.rng.uniform())
+
+    Fix: work with a copy: `options = {**DEFAULTS, **(options or {})}`
     """
     yield from handed_cases(evidence, HandedOptions, Reproducer(LINES, plays=False))

@@ -74,13 +74,7 @@ def _proof(api: str, kind: str, *, is_next: bool = False) -> Reproducer:
     return story_proof(api, MEDDLING[kind], early=True, is_next=is_next)
 
 
-@check(
-    "GK633",
-    needs=("extra_calls",),
-    severity=MEDIUM,
-    fix="build the spaces once, in __init__, and hand out the same ones at every call",
-    applies=not_offered("spaces"),
-)
+@check("GK633", MEDIUM, "extra_calls", applies=not_offered("spaces"))
 def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observation_space() and action_space() in mid-episode doesn't change the game.
 
@@ -93,18 +87,13 @@ def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidenc
     Good:
         def action_space(self, agent):
             return self.action_spaces[agent]
+
+    Fix: build the spaces once, in __init__, and hand out the same ones at every call
     """
     yield from extra_call_cases(evidence, "spaces")
 
 
-@check(
-    "GK634",
-    needs=("extra_calls",),
-    severity=HIGH,
-    fix="keep noise and counters out of observe(): compute them in step()",
-    api="aec",
-    applies=not_offered("observe"),
-)
+@check("GK634", HIGH, "extra_calls", api="aec", applies=not_offered("observe"))
 def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling observe() again, for every agent, doesn't change the game.
 
@@ -119,6 +108,8 @@ def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
         def step(self, action):
             ...
             self.noise = self.rng.normal(size=2)                        # once a turn
+
+    Fix: keep noise and counters out of observe(): compute them in step()
     """
     yield from extra_call_cases(evidence, "observe")
 
@@ -128,14 +119,7 @@ first, second = env.last(), env.last()
 assert first[1:4] == second[1:4], (first[1:4], second[1:4])"""
 
 
-@check(
-    "GK635",
-    needs=("extra_calls",),
-    severity=HIGH,
-    fix="leave last() as AECEnv has it, and compute in step() what it shows",
-    api="aec",
-    applies=not_offered("last"),
-)
+@check("GK635", HIGH, "extra_calls", api="aec", applies=not_offered("last"))
 def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling last() twice in a turn tells the same twice, and doesn't change the game.
 
@@ -149,6 +133,8 @@ def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> 
             return out
 
     Good: clear the agent's cumulative reward in its own `step`.
+
+    Fix: leave last() as AECEnv has it, and compute in step() what it shows
     """
     yield from extra_call_cases(evidence, "last")
     for fact in evidence.facts(RepeatedLast):
@@ -161,13 +147,7 @@ def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> 
             )
 
 
-@check(
-    "GK636",
-    needs=("extra_calls",),
-    severity=HIGH,
-    fix="let state() only read: draw noise in step(), or from a generator of its own",
-    applies=not_offered("state"),
-)
+@check("GK636", HIGH, "extra_calls", applies=not_offered("state"))
 def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling state() doesn't change the game, nor draw from its generator.
 
@@ -181,17 +161,13 @@ def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvid
     Good:
         def state(self):
             return self.table()
+
+    Fix: let state() only read: draw noise in step(), or from a generator of its own
     """
     yield from extra_call_cases(evidence, "state")
 
 
-@check(
-    "GK637",
-    needs=("extra_calls",),
-    severity=HIGH,
-    fix="let render() only read; what it draws at random comes from a generator of its own",
-    applies=not_offered("render"),
-)
+@check("GK637", HIGH, "extra_calls", applies=not_offered("render"))
 def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Calling render() between the steps doesn't change the game, nor draw from its generator.
 
@@ -203,17 +179,13 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
             return self.paint()
 
     Good: keep `self.decor = np.random.default_rng(0)` for whatever is only painted.
+
+    Fix: let render() only read; what it draws at random comes from a generator of its own
     """
     yield from extra_call_cases(evidence, "render")
 
 
-@check(
-    "GK638",
-    needs=("extra_calls",),
-    severity=HIGH,
-    fix="draw from the environment's own generator, never from a space's `np_random`",
-    applies=not_offered("sample"),
-)
+@check("GK638", HIGH, "extra_calls", applies=not_offered("sample"))
 def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Sampling from the spaces that are handed out doesn't change the game.
 
@@ -225,17 +197,13 @@ def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence
 
     Good:
         wind = self.rng.integers(5)
+
+    Fix: draw from the environment's own generator, never from a space's `np_random`
     """
     yield from extra_call_cases(evidence, "sample")
 
 
-@check(
-    "GK639",
-    needs=("extra_calls",),
-    severity=MEDIUM,
-    fix="let attributes and str() only read",
-    applies=not_offered("attributes"),
-)
+@check("GK639", MEDIUM, "extra_calls", applies=not_offered("attributes"))
 def asking_for_attributes_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Reading num_agents, metadata, unwrapped or str(env) doesn't change the game.
 
@@ -248,5 +216,7 @@ def asking_for_attributes_changes_nothing(contract: Contract, evidence: ProbeEvi
             return len(self.agents)
 
     Good: whatever changes the game happens in `step`.
+
+    Fix: let attributes and str() only read
     """
     yield from extra_call_cases(evidence, "attributes")

@@ -39,13 +39,7 @@ SEEDS: Final = 16
 """Seeds that the program tries."""
 
 
-@check(
-    "GK600",
-    needs=("unseeded",),
-    severity=HIGH,
-    fix="build the generator from `seed` in reset(), and draw from nothing else",
-    applies=draws_nothing,
-)
+@check("GK600", HIGH, "unseeded", applies=draws_nothing)
 def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Different seeds give different episodes where a game draws; the seed isn't ignored.
 
@@ -72,6 +66,8 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Case
             if seed is not None or self.rng is None:
                 self.rng = np.random.default_rng(seed)
             self.board = self.rng.permutation(9)
+
+    Fix: build the generator from `seed` in reset(), and draw from nothing else
     """
     for look in evidence.looks.get("unseeded", ()):
         plays = look.fact(SeededPlays)
@@ -110,14 +106,7 @@ MISSED: Final = (
 )
 
 
-@check(
-    "GK601",
-    needs=("same_seed", "other_process"),
-    severity=HIGH,
-    fix="draw everything from one generator that reset(seed) builds from the seed; nothing from "
-    "the clock, the system's entropy, or spaces that nobody seeded",
-    applies=settled_by_seed,
-)
+@check("GK601", HIGH, "same_seed", "other_process", applies=settled_by_seed)
 def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A seed settles the play: after reset(seed) the same actions give the same play again.
 
@@ -134,6 +123,9 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         def step(self, actions):
             wind = self.rng.normal()
+
+    Fix: draw everything from one generator that reset(seed) builds from the seed; nothing from the
+    clock, the system's entropy, or spaces that nobody seeded
     """
     if any(fact.value.is_settled for fact in evidence.facts(SettledElsewhere)):
         return  # instances share something, and that is another promise
@@ -179,13 +171,7 @@ def _empty(api: str) -> Reproducer:
     return Reproducer("\n".join(lines), plays=False)
 
 
-@check(
-    "GK605",
-    needs=("special_seeds",),
-    severity=HIGH,
-    fix="ask `if seed is not None`, never `if seed`, and take any non-negative integer",
-    applies=settled_by_seed,
-)
+@check("GK605", HIGH, "special_seeds", applies=settled_by_seed)
 def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Seed 0 is a seed like any other, and so is 2**31 - 1.
 
@@ -201,6 +187,8 @@ def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
         def reset(self, seed=None, options=None):
             if seed is not None:
                 self.rng = np.random.default_rng(seed)
+
+    Fix: ask `if seed is not None`, never `if seed`, and take any non-negative integer
     """
     for look in evidence.looks.get("special_seeds", ()):
         plain, refused = look.fact(PlainSeed), look.fact(SpecialRefused)
@@ -230,10 +218,8 @@ def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
 
 @check(
     "GK606",
-    needs=("second_episode",),
-    severity=HIGH,
-    fix="build the generator anew whenever reset() is given a seed, not only where there is none "
-    "yet",
+    HIGH,
+    "second_episode",
     applies=settled_by_seed,
     looks_at="a used instance that plays a seed as a fresh one does, or plays all seeds alike (any "
     "other difference is GK604's)",
@@ -254,6 +240,8 @@ def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases
         def reset(self, seed=None, options=None):
             if self.rng is None or seed is not None:
                 self.rng = np.random.default_rng(seed)
+
+    Fix: build the generator anew whenever reset() is given a seed, not only where there is none yet
     """
     for look in evidence.looks.get("second_episode", ()):
         for counterfactual in look.counterfactuals:
@@ -282,14 +270,7 @@ RESETS: Final = 16
 """Resets that the program tries."""
 
 
-@check(
-    "GK609",
-    needs=("unseeded",),
-    severity=HIGH,
-    fix="let reset() without a seed go on with the generator that is there; build one only where "
-    "a seed is given or none was built yet",
-    applies=draws_nothing,
-)
+@check("GK609", HIGH, "unseeded", applies=draws_nothing)
 def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset without a seed goes on drawing; it doesn't re-seed with a constant or the last seed.
 
@@ -308,6 +289,9 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
         def reset(self, seed=None, options=None):
             if seed is not None:
                 self.rng = np.random.default_rng(seed)
+
+    Fix: let reset() without a seed go on with the generator that is there; build one only where a
+    seed is given or none was built yet
     """
     for look in evidence.looks.get("unseeded", ()):
         plays, others = look.fact(SeededPlays), look.fact(UnseededPlays)

@@ -32,14 +32,7 @@ from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 
 
-@check(
-    "GK602",
-    needs=("generators",),
-    severity=HIGH,
-    fix="draw from a generator of the environment's own, built in reset(seed): "
-    "np.random.default_rng(seed)",
-    applies=settled_by_seed,
-)
+@check("GK602", HIGH, "generators", applies=settled_by_seed)
 def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The game draws from a generator of its own, not from the global ones of numpy, random, torch.
 
@@ -57,6 +50,9 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
                 self.rng = np.random.default_rng(seed)
         def step(self, actions):
             wind = self.rng.normal()
+
+    Fix: draw from a generator of the environment's own, built in reset(seed):
+    np.random.default_rng(seed)
     """
     for look in evidence.looks.get("generators", ()):
         facts = [fact.value for fact in look.facts]
@@ -90,13 +86,7 @@ def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> R
     )
 
 
-@check(
-    "GK603",
-    needs=("generators",),
-    severity=MEDIUM,
-    fix="leave np.random.seed, random.seed and torch.manual_seed to whoever runs the environment; "
-    "build a generator of the environment's own",
-)
+@check("GK603", MEDIUM, "generators")
 def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The environment leaves the global generators of numpy, random and torch as they are.
 
@@ -111,6 +101,9 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
     Good:
         def reset(self, seed=None, options=None):
             self.rng = np.random.default_rng(seed)
+
+    Fix: leave np.random.seed, random.seed and torch.manual_seed to whoever runs the environment;
+    build a generator of the environment's own
     """
     is_judged = settled_by_seed(contract, evidence) is None
     for look in evidence.looks.get("generators", ()):
@@ -146,14 +139,7 @@ def _global_generator_proof(api: str, name: str) -> Reproducer:
     return program(api, *lines, "assert state() == before", imports=imports, unchanged=())
 
 
-@check(
-    "GK604",
-    needs=("second_episode", "unseeded"),
-    severity=HIGH,
-    fix="set everything that the rules read in reset(), and take nothing over from the episode "
-    "before",
-    applies=settled_by_seed,
-)
+@check("GK604", HIGH, "second_episode", "unseeded", applies=settled_by_seed)
 def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """reset(seed) starts the same play in a used instance as in a fresh one.
 
@@ -174,6 +160,9 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
             self.rng = np.random.default_rng(seed)
             self.agents = list(self.possible_agents)
             self.collected = set()
+
+    Fix: set everything that the rules read in reset(), and take nothing over from the episode
+    before
     """
     if ignores_seeds(evidence):
         return  # an episode hangs on what was drawn before, which is another promise
@@ -193,14 +182,7 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
                 yield replace(seen, where=whole(counterfactual)) if before is None else seen
 
 
-@check(
-    "GK607",
-    needs=("alternated", "other_process"),
-    severity=HIGH,
-    fix="keep generators and state in the instance: set them in __init__ and reset, not on the "
-    "class, the module or in a mutable default argument",
-    applies=settled_by_seed,
-)
+@check("GK607", HIGH, "alternated", "other_process", applies=settled_by_seed)
 def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Instances of the environment share nothing: no generator and no state of a class or module.
 
@@ -219,6 +201,9 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Case
         class Game(ParallelEnv):
             def reset(self, seed=None, options=None):
                 self.rng = np.random.default_rng(seed)
+
+    Fix: keep generators and state in the instance: set them in __init__ and reset, not on the
+    class, the module or in a mutable default argument
     """
     for look in evidence.looks.get("alternated", ()):
         other = look.fact(OtherInstance)
@@ -274,14 +259,7 @@ def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Rep
     )
 
 
-@check(
-    "GK608",
-    needs=("other_process",),
-    severity=HIGH,
-    fix="sort a set before its order matters (agents, items, draws), and derive nothing from "
-    "hash(), id(), the process's number or the clock",
-    applies=settled_by_seed,
-)
+@check("GK608", HIGH, "other_process", applies=settled_by_seed)
 def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The same seed and actions give the same play in other processes; no set's order decides.
 
@@ -296,6 +274,9 @@ def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -
 
     Good:
         self.agents = [*self.hunters, *self.prey]
+
+    Fix: sort a set before its order matters (agents, items, draws), and derive nothing from hash(),
+    id(), the process's number or the clock
     """
     for look in evidence.looks.get("other_process", ()):
         fact = look.fact(HashSeed)

@@ -34,7 +34,6 @@ class GivenMask:
     Attributes:
         place: `observation.action_mask` or another.
         space: the action space of the agent.
-        mask: as it was given.
     """
 
     trace: Episode
@@ -176,9 +175,9 @@ def mask_lines(api: str, agent: str, place: str) -> str:
 
 @check(
     "GK230",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
-    fix="give a mask with one number for each action of the agent's action space",
+    HIGH,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -194,6 +193,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
 
     Good:
         spaces.Discrete(5); mask = np.ones(5, np.int8)
+
+    Fix: give a mask with one number for each action of the agent's action space
     """
     for each in masks(contract, evidence):
         where = each.trace.at(each.turn, each.agent, each.place)
@@ -210,9 +211,9 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
 
 @check(
     "GK231",
-    needs=("rollout", "spaces"),
-    severity=MEDIUM,
-    fix="give masks as np.int8 arrays of 0 and 1: mask.astype(np.int8)",
+    MEDIUM,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -228,6 +229,8 @@ def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -
 
     Good:
         {"observation": board, "action_mask": (board == 0).astype(np.int8)}
+
+    Fix: give masks as np.int8 arrays of 0 and 1: mask.astype(np.int8)
     """
     for each in masks(contract, evidence):
         if not isinstance(each.space, spaces.Discrete | spaces.MultiDiscrete):
@@ -267,9 +270,9 @@ def _fault_of(mask: Any) -> str | None:
 
 @check(
     "GK233",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
-    fix="allow an action that does nothing, end the agent, or don't let it be its turn",
+    HIGH,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="an agent with an action mask",
 )
@@ -277,13 +280,16 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The mask of a live agent that is to move allows at least one action.
 
     With nothing to choose from a policy crashes, or a softmax over minus infinity gives NaN. An
-    all-zero mask of an agent that isn't to move, or has ended, is right.
+    all-zero mask of an agent that isn't to move, or has ended, is right. Where the mask in the info
+    is another than the one in the observation, that is GK234's.
 
     Bad:
         mask = np.zeros(n, np.int8)                    # it is stuck, and it is its turn
 
     Good:
         mask[NOOP] = 1                                 # or the agent terminates when it is stuck
+
+    Fix: allow an action that does nothing, end the agent, or don't let it be its turn
     """
     for each in masks(contract, evidence):
         if fits(each.space, each.mask) is not None:
@@ -292,6 +298,8 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
         if not flags:
             continue
         is_stuck = not all(part.any() for part in flags)
+        if is_stuck and not all(_same(*pair) for pair in _pair_of(each.turn, each.agent)):
+            continue
         proof = mask_lines(evidence.api, each.agent, each.place)
         test = (
             "all(np.any(part) for part in mask)" if isinstance(each.mask, tuple) else "mask.any()"
@@ -307,9 +315,8 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 @check(
     "GK234",
-    needs=("rollout",),
-    severity=HIGH,
-    fix="make the mask once and put it into both places, or into one of them only",
+    HIGH,
+    "rollout",
     applies=without_masks,
     looks_at="an agent with a mask both in its info and in its observation",
 )
@@ -324,21 +331,28 @@ def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         infos[agent] = {"action_mask": observations[agent]["action_mask"].copy()}
+
+    Fix: make the mask once and put it into both places, or into one of them only
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
             for agent in movers(evidence.api, turn):
-                seen, told = turn.observations.get(agent), turn.infos.get(agent)
-                if not (isinstance(seen, dict) and isinstance(told, dict)):
-                    continue
-                if seen.get(MASK) is not None and told.get(MASK) is not None:
+                for seen, told in _pair_of(turn, agent):
                     yield Case(
                         trace.at(turn, agent, f"infos[{MASK!r}]"),
-                        _same(seen[MASK], told[MASK]),
-                        seen[MASK],
-                        told[MASK],
+                        _same(seen, told),
+                        seen,
+                        told,
                         proof=_proof(evidence.api, agent),
                     )
+
+
+def _pair_of(turn: Turn, agent: str) -> Iterator[tuple[Any, Any]]:
+    """Yields the masks of an agent's observation and of its info, where it has both."""
+    places = turn.observations.get(agent), turn.infos.get(agent)
+    seen, told = (each.get(MASK) if isinstance(each, dict) else None for each in places)
+    if seen is not None and told is not None:
+        yield seen, told
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -371,12 +385,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 
 @check(
-    "GK236",
-    needs=("rollout",),
-    severity=MEDIUM,
-    fix="put the mask where roles.<role>.mask says, or declare where it stands",
-    applies=_none_declared,
-    looks_at="a mask that the contract declares",
+    "GK236", MEDIUM, "rollout", applies=_none_declared, looks_at="a mask that the contract declares"
 )
 def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A mask stands where the contract says it does, in each episode in which its agent moves.
@@ -388,6 +397,8 @@ def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> C
 
     Good:
         mask = "observation.action_mask"
+
+    Fix: put the mask where roles.<role>.mask says, or declare where it stands
     """
     for trace in evidence["rollout"]:
         first: dict[str, int] = {}

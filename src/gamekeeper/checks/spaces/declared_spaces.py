@@ -9,12 +9,7 @@ from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 
 
-@check(
-    "GK201",
-    needs=("spaces",),
-    severity=HIGH,
-    fix="make the spaces of all possible agents in __init__, and return Gymnasium's spaces",
-)
+@check("GK201", HIGH, "spaces")
 def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every possible agent has its spaces at any time, already before the first reset.
 
@@ -28,6 +23,8 @@ def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Ca
     Good:
         def __init__(self):
             self._spaces = {a: Discrete(5) for a in self.possible_agents}
+
+    Fix: make the spaces of all possible agents in __init__, and return Gymnasium's spaces
     """
     for fact in evidence.facts(AskedSpace):
         value, agent = fact.value, fact.where.agent
@@ -51,12 +48,7 @@ def _early_spaces_proof(agent: str, which: str, when: str) -> Reproducer:
     )
 
 
-@check(
-    "GK202",
-    needs=("spaces",),
-    severity=MEDIUM,
-    fix="make each space once and return that object: from a dictionary, or with functools.cache",
-)
+@check("GK202", MEDIUM, "spaces")
 def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's space is the very same object at every call, not a new one.
 
@@ -69,6 +61,8 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         @functools.cache
         def action_space(self, agent): return Discrete(5)
+
+    Fix: make each space once and return that object: from a dictionary, or with functools.cache
     """
     for fact in evidence.facts(AskedSpace):
         if fact.value.space is None:
@@ -79,12 +73,7 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(fact.where, is_ok, "the same object twice", "two objects", proof)
 
 
-@check(
-    "GK203",
-    needs=("spaces",),
-    severity=HIGH,
-    fix="declare the largest space that any episode needs, and mask or pad what isn't used",
-)
+@check("GK203", HIGH, "spaces")
 def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent's spaces never change: not by a reset, not in an episode, not in the next one.
 
@@ -97,6 +86,8 @@ def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         Discrete(5), and an action mask for the actions that aren't there this time
+
+    Fix: declare the largest space that any episode needs, and mask or pad what isn't used
     """
     for fact in evidence.facts(ChangedSpace):
         value, agent, name = fact.value, str(fact.where.agent), fact.where.field
@@ -121,12 +112,7 @@ def _space_change_proof(agent: str, name: str, *, is_later: bool) -> Reproducer:
     )
 
 
-@check(
-    "GK204",
-    needs=("spaces",),
-    severity=HIGH,
-    fix="give bounds with low <= high, at least one value, and a sample() that is in the space",
-)
+@check("GK204", HIGH, "spaces")
 def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every space can hold a value: low isn't above high, no bound is NaN, sample() gives a member.
 
@@ -138,6 +124,8 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         spaces.Box(low=-1.0, high=1.0, shape=(2,), dtype=np.float32)
+
+    Fix: give bounds with low <= high, at least one value, and a sample() that is in the space
     """
     for fact in evidence.facts(SpaceFaults):
         found, name, agent = fact.value.faults, fact.where.field, str(fact.where.agent)
@@ -154,13 +142,7 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
         )
 
 
-@check(
-    "GK205",
-    needs=("spaces",),
-    severity=LOW,
-    fix="let the method return what the dictionary holds, or drop the dictionary",
-    looks_at="an attribute `observation_spaces` or `action_spaces`",
-)
+@check("GK205", LOW, "spaces", looks_at="an attribute `observation_spaces` or `action_spaces`")
 def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observation_spaces` and `action_spaces` hold the spaces that the methods return.
 
@@ -172,6 +154,8 @@ def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Cas
 
     Good:
         def action_space(self, agent): return self.action_spaces[agent]
+
+    Fix: let the method return what the dictionary holds, or drop the dictionary
     """
     for fact in evidence.facts(SpaceEntry):
         value, name = fact.value, fact.where.field

@@ -14,13 +14,7 @@ from gamekeeper.contract import Contract, InfoField
 from gamekeeper.episodes.canonical import type_name
 
 
-@check(
-    "GK240",
-    needs=("rollout",),
-    severity=MEDIUM,
-    fix="give every agent a dictionary for its info; an empty one where there is nothing to say",
-    looks_at="an info of an agent",
-)
+@check("GK240", MEDIUM, "rollout", looks_at="an info of an agent")
 def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every agent's info is a dictionary, also in the step in which it ends; never None.
 
@@ -32,6 +26,8 @@ def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Cases
 
     Good:
         infos = {a: {"score": s} if a in self.agents else {} for a in acting}
+
+    Fix: give every agent a dictionary for its info; an empty one where there is nothing to say
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
@@ -56,12 +52,7 @@ def _info_kind_proof(api: str, agent: str) -> str:
     )
 
 
-@check(
-    "GK242",
-    needs=("spaces",),
-    severity=LOW,
-    fix="put plain data and arrays into infos, not functions, generators or the environment",
-)
+@check("GK242", LOW, "spaces")
 def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Infos hold what can be pickled, and so sent from one process to another.
 
@@ -72,6 +63,8 @@ def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         infos[agent] = {"replay": list(self.history)}
+
+    Fix: put plain data and arrays into infos, not functions, generators or the environment
     """
     for fact in evidence.facts(PickledInfo):
         why = fact.value.unpicklable
@@ -95,9 +88,8 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK243",
-    needs=("rollout",),
-    severity=MEDIUM,
-    fix="give the field as infos.<field> declares it, or declare what is given",
+    MEDIUM,
+    "rollout",
     applies=_none_declared,
     looks_at="a field of the infos that the contract declares",
 )
@@ -111,6 +103,8 @@ def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         position = { dtype = "float64", shape = [2] }
+
+    Fix: give the field as infos.<field> declares it, or declare what is given
     """
     declared = {
         name: each

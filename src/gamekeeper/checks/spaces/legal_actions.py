@@ -129,9 +129,10 @@ PROOF = "# nothing more: a step above raised, and every action in it is one of i
 
 @check(
     "GK221",
-    needs=("rollout", "spaces", "illegal"),
-    severity=HIGH,
-    fix="take every action of the action space, make the space smaller, or give an action mask",
+    HIGH,
+    "rollout",
+    "spaces",
+    "illegal",
     looks_at="a step of agents that have no action mask",
 )
 def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -146,6 +147,8 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
 
     Good:
         self.action_spaces[agent] = Discrete(5)
+
+    Fix: take every action of the action space, make the space smaller, or give an action mask
     """
     for fact in evidence.facts(TriedAction):
         if not fact.value.is_legal:
@@ -169,12 +172,7 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
             yield Case(where, taken.raised is None, expected, taken.raised, PROOF)
 
 
-@check(
-    "GK222",
-    needs=("illegal",),
-    severity=MEDIUM,
-    fix="refuse an illegal action before anything is changed, and let reset() start from nothing",
-)
+@check("GK222", MEDIUM, "illegal")
 def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An illegal action is taken or refused, and after it a reset starts a playable episode.
 
@@ -188,6 +186,8 @@ def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -
     Good:
         if not self.action_space(agent).contains(action):
             raise ValueError(f"{agent}: {action!r} is no action")
+
+    Fix: refuse an illegal action before anything is changed, and let reset() start from nothing
     """
     for death in evidence.facts(ProbeDeath):
         if death.where.probe == "illegal":
@@ -211,13 +211,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return None if is_declared else "the contract says of no role what a masked action brings"
 
 
-@check(
-    "GK237",
-    needs=("illegal",),
-    severity=HIGH,
-    fix="do with a masked action what roles.<role>.illegal says, or declare what is done",
-    applies=_none_declared,
-)
+@check("GK237", HIGH, "illegal", applies=_none_declared)
 def masked_actions_bring_what_is_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action that the mask forbids raises, costs, or ends, as the contract declares.
 
@@ -229,6 +223,8 @@ def masked_actions_bring_what_is_declared(contract: Contract, evidence: ProbeEvi
 
     Good:
         if not mask[action]: raise ValueError(f"{action} is forbidden now")
+
+    Fix: do with a masked action what roles.<role>.illegal says, or declare what is done
     """
     for fact in evidence.facts(TriedAction):
         role = contract.role_of(fact.where.agent)
@@ -299,9 +295,9 @@ UNFINISHED: Final = (
 
 @check(
     "GK235",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
-    fix="make the mask from the state that the action will meet, for the agent that will act",
+    HIGH,
+    "rollout",
+    "spaces",
     applies=without_masks,
     looks_at="a step of agents with an action mask",
 )
@@ -316,6 +312,8 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
 
     Good:
         def observe(self, agent): return {..., "action_mask": self._legal_now(agent)}
+
+    Fix: make the mask from the state that the action will meet, for the agent that will act
     """
     turns = list(legal_turns(contract, evidence))
     for taken in turns if _may_blame_masks(turns) else ():

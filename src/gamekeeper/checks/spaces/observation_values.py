@@ -140,12 +140,7 @@ def misfit_proof(api: str, agent: str, found: Misfit) -> str:
     return "\n".join([*chosen, f"assert {found.test}, value"])
 
 
-@check(
-    "GK211",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
-    fix="give what the space describes: arrays for a Box, every key of a Dict and no other",
-)
+@check("GK211", HIGH, "rollout", "spaces")
 def observations_have_the_form_of_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation has the type and the keys that its observation space describes.
 
@@ -157,16 +152,13 @@ def observations_have_the_form_of_their_space(contract: Contract, evidence: Prob
 
     Good:
         return {"observation": board, "action_mask": mask}
+
+    Fix: give what the space describes: arrays for a Box, every key of a Dict and no other
     """
     yield from misfit_cases(evidence, STRUCTURE)
 
 
-@check(
-    "GK212",
-    needs=("rollout", "spaces"),
-    severity=MEDIUM,
-    fix="convert observations to the dtype of the space: np.asarray(value, space.dtype)",
-)
+@check("GK212", MEDIUM, "rollout", "spaces")
 def observations_have_the_dtype_of_their_space(
     contract: Contract, evidence: ProbeEvidence
 ) -> Cases:
@@ -180,16 +172,13 @@ def observations_have_the_dtype_of_their_space(
 
     Good:
         return np.array([x, y], dtype=np.float32)
+
+    Fix: convert observations to the dtype of the space: np.asarray(value, space.dtype)
     """
     yield from misfit_cases(evidence, DTYPE)
 
 
-@check(
-    "GK213",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
-    fix="give arrays of one shape, and declare that shape; pad what varies",
-)
+@check("GK213", HIGH, "rollout", "spaces")
 def observations_have_the_shape_of_their_space(
     contract: Contract, evidence: ProbeEvidence
 ) -> Cases:
@@ -203,16 +192,13 @@ def observations_have_the_shape_of_their_space(
 
     Good:
         return np.concatenate([self.position[a] for a in self.possible_agents])
+
+    Fix: give arrays of one shape, and declare that shape; pad what varies
     """
     yield from misfit_cases(evidence, SHAPE)
 
 
-@check(
-    "GK214",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
-    fix="widen the bounds of the space to what the rules allow, or clip what is observed",
-)
+@check("GK214", HIGH, "rollout", "spaces")
 def observations_are_within_their_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Every observation is within the bounds of its observation space, also at an agent's end.
 
@@ -224,16 +210,13 @@ def observations_are_within_their_space(contract: Contract, evidence: ProbeEvide
 
     Good:
         spaces.Box(-np.inf, np.inf, (2,))                    # or keep the robot inside
+
+    Fix: widen the bounds of the space to what the rules allow, or clip what is observed
     """
     yield from misfit_cases(evidence, BOUNDS)
 
 
-@check(
-    "GK215",
-    needs=("rollout", "spaces"),
-    severity=HIGH,
-    fix="say what is seen where there is nothing to see: a mean over nobody, a distance to nobody",
-)
+@check("GK215", HIGH, "rollout", "spaces")
 def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No observation holds NaN.
 
@@ -245,17 +228,13 @@ def observations_hold_no_nan(contract: Contract, evidence: ProbeEvidence) -> Cas
 
     Good:
         others = np.mean(...) if len(live) > 1 else np.zeros(2)
+
+    Fix: say what is seen where there is nothing to see: a mean over nobody, a distance to nobody
     """
     yield from misfit_cases(evidence, NAN)
 
 
-@check(
-    "GK216",
-    needs=("rollout", "spaces"),
-    severity=MEDIUM,
-    fix="let observe(agent) give an observation of the agent's space at any turn",
-    api="aec",
-)
+@check("GK216", MEDIUM, "rollout", "spaces", api="aec")
 def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`observe` gives an observation of its space for every live agent, also one not in turn.
 
@@ -269,6 +248,8 @@ def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases
     Good:
         def observe(self, agent):
             return self._view_of(agent)
+
+    Fix: let observe(agent) give an observation of the agent's space at any turn
     """
     facts = list(evidence.facts(OthersView))
     told = _in_turn(evidence) if any(fact.value.misfits for fact in facts) else frozenset()

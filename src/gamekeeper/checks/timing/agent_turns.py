@@ -23,9 +23,7 @@ class AecStep:
     """One step of an AEC play.
 
     Attributes:
-        trace: of which play.
         turn: the one that it ends.
-        actor: whose step it was.
         is_dead: the actor had ended before it.
         before: `agents` before the step.
         after: `agents` after it.
@@ -72,15 +70,7 @@ def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
                     yield each, agent, agent in each.ended | ended_in(turn)
 
 
-@check(
-    "GK301",
-    needs=("rollout",),
-    severity=HIGH,
-    api="aec",
-    fix="after every step name an agent of `agents` in `agent_selection`, also after the None "
-    "step of a dead agent",
-    looks_at="a turn with agents left in `agents`",
-)
+@check("GK301", HIGH, "rollout", api="aec", looks_at="a turn with agents left in `agents`")
 def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
 
@@ -96,6 +86,9 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
         if self.terminations[agent]:
             self._was_dead_step(action)           # selects who comes next
             return
+
+    Fix: after every step name an agent of `agents` in `agent_selection`, also after the None step
+    of a dead agent
     """
     for fact in evidence.facts(SelectedAgents):
         at = fact.where
@@ -110,15 +103,7 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
             )
 
 
-@check(
-    "GK302",
-    needs=("rollout",),
-    severity=HIGH,
-    api="aec",
-    fix="leave an agent that has ended in `agents` with its flag set until it was selected for "
-    "its None step, as `self._deads_step_first()` and `self._was_dead_step(action)` do",
-    looks_at="an agent that ends",
-)
+@check("GK302", HIGH, "rollout", api="aec", looks_at="an agent that ends")
 def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is selected once more before it is removed, for its None turn.
 
@@ -136,6 +121,9 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> C
             self.terminations[agent] = True
         ...
         self._deads_step_first()
+
+    Fix: leave an agent that has ended in `agents` with its flag set until it was selected for its
+    None step, as `self._deads_step_first()` and `self._was_dead_step(action)` do
     """
     for each, agent, has_ended in departures(evidence):
         if has_ended and not may_leave(contract, agent):  # of one without flags GK501 tells
@@ -148,14 +136,7 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> C
             )
 
 
-@check(
-    "GK303",
-    needs=("rollout",),
-    severity=HIGH,
-    api="aec",
-    fix="remove a dead agent from `agents` in its None step, as `self._was_dead_step(action)` does",
-    looks_at="a None turn of an agent that has ended",
-)
+@check("GK303", HIGH, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
 def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent has one None turn, which removes it: it isn't selected again.
 
@@ -170,6 +151,8 @@ def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good:
         if self.terminations[agent]:
             return self._was_dead_step(action)                # takes it out of `agents`
+
+    Fix: remove a dead agent from `agents` in its None step, as `self._was_dead_step(action)` does
     """
     for play in aec_steps(evidence):
         for each in play:
@@ -188,12 +171,10 @@ LEAST_TURNS: Final = 20
 
 @check(
     "GK304",
-    needs=("rollout",),
-    severity=MEDIUM,
+    MEDIUM,
+    "rollout",
     api="aec",
     confidence=0.95,
-    fix="select agents that have ended before the live ones: end step() with "
-    "`self._deads_step_first()`",
     looks_at="an agent that has ended and stays in `agents` while others act",
 )
 def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) -> Cases:
@@ -210,6 +191,9 @@ def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) 
     Good:
         self.agent_selection = live[self.turn % len(live)]
         self._deads_step_first()
+
+    Fix: select agents that have ended before the live ones: end step() with
+    `self._deads_step_first()`
     """
     for play in aec_steps(evidence):
         yield from _waits(play)
@@ -236,14 +220,7 @@ def _waits(play: list[AecStep]) -> Cases:
                 )
 
 
-@check(
-    "GK305",
-    needs=("lifecycle",),
-    severity=MEDIUM,
-    api="aec",
-    fix="leave `agent_iter` as `AECEnv` has it: it yields `agent_selection` until `agents` is "
-    "empty, `max_iter` times at most",
-)
+@check("GK305", MEDIUM, "lifecycle", api="aec")
 def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_iter` names the agent that is to act, as often as it is asked to.
 
@@ -257,6 +234,9 @@ def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Ca
     Good:
         for agent in env.agent_iter():            # AECEnv's own
             observation, reward, terminated, truncated, info = env.last()
+
+    Fix: leave `agent_iter` as `AECEnv` has it: it yields `agent_selection` until `agents` is empty,
+    `max_iter` times at most
     """
     for fact in evidence.facts(IteratedAgents):
         seen = fact.value

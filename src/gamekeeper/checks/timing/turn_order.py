@@ -30,10 +30,9 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 @check(
     "GK306",
-    needs=("rollout",),
-    severity=HIGH,
+    HIGH,
+    "rollout",
     api="aec",
-    fix="select agents in the order that the contract declares, or declare another one",
     applies=_undeclared,
     looks_at="an order of agents that the contract declares",
 )
@@ -50,6 +49,8 @@ def order_is_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Good:
         self._selector.reinit([*pickers, *carriers])
+
+    Fix: select agents in the order that the contract declares, or declare another one
     """
     for play in aec_steps(evidence):
         live = [each for each in play if not each.is_dead]
@@ -147,15 +148,7 @@ def _hidden_moves_applies(contract: Contract, evidence: ProbeEvidence) -> str | 
     return "the contract doesn't declare that agents act at once (schedule.order, .observe)"
 
 
-@check(
-    "GK331",
-    needs=("influence",),
-    severity=HIGH,
-    fix="let observe() show what was at the start of the tick until all have acted, or declare "
-    'schedule.observe = "after turn"',
-    api="aec",
-    applies=_hidden_moves_applies,
-)
+@check("GK331", HIGH, "influence", api="aec", applies=_hidden_moves_applies)
 def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Later agents of a simultaneous tick don't observe what earlier ones did in it.
 
@@ -174,6 +167,9 @@ def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -
             self.chosen[self.agent_selection] = action
             if self.is_last():
                 self.hands = dict(self.chosen)
+
+    Fix: let observe() show what was at the start of the tick until all have acted, or declare
+    schedule.observe = "after turn"
     """
     for counterfactual in evidence.counterfactuals("influence"):
         start, agent = int(counterfactual.change["turn"]), str(counterfactual.change["agent"])
@@ -233,15 +229,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return None
 
 
-@check(
-    "GK311",
-    needs=("order",),
-    severity=HIGH,
-    fix="settle the joint action by a rule that is free of order (collect what all do, then "
-    "resolve), or go through `self.agents` and declare the order in the contract",
-    api="parallel",
-    applies=_declared,
-)
+@check("GK311", HIGH, "order", api="parallel", applies=_declared)
 def outcome_is_free_of_the_actions_order(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The outcome of a joint action doesn't depend on the order of the action dictionary.
 
@@ -265,6 +253,9 @@ def outcome_is_free_of_the_actions_order(contract: Contract, evidence: ProbeEvid
         for agent, cell in wanted.items():     # two that want one cell both stay
             if [*wanted.values()].count(cell) == 1:
                 self.cells[agent] = cell
+
+    Fix: settle the joint action by a rule that is free of order (collect what all do, then
+    resolve), or go through `self.agents` and declare the order in the contract
     """
     facts = list(evidence.facts(OrderOutcome))
     corrected = iter(holm([p for fact in facts for p in fact.value.p_values]))
@@ -311,14 +302,7 @@ def proof_of_order(order: str) -> Reproducer:
     )
 
 
-@check(
-    "GK312",
-    needs=("order",),
-    severity=LOW,
-    fix="draw in the order of `self.agents`, not in that of the dictionary that was handed over",
-    confidence=0.9,
-    api="parallel",
-)
+@check("GK312", LOW, "order", confidence=0.9, api="parallel")
 def draws_are_free_of_the_actions_order(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Random draws don't come in the order of the action dictionary.
 
@@ -337,6 +321,8 @@ def draws_are_free_of_the_actions_order(contract: Contract, evidence: ProbeEvide
         for agent in self.agents:
             if self.rng.random() < 0.9:
                 self.move(agent, actions[agent])
+
+    Fix: draw in the order of `self.agents`, not in that of the dictionary that was handed over
     """
     for fact in evidence.facts(OrderOutcome):
         value = fact.value

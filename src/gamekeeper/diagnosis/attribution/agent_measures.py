@@ -129,7 +129,6 @@ class Laziness:
     Attributes:
         is_lazy: its share and what is lost without it are both surely below `PART` of a fair share,
             and another of its role surely brings something.
-        why: in words.
         fair: the fair share, in units of return.
     """
 
@@ -146,7 +145,6 @@ class Harm:
         is_harmful: the team surely has more where it does nothing, beyond chance for the number of
             agents, and its Shapley value is surely negative; None where another baseline plays in
             its place, which an agent that does too little loses to as well.
-        why: in words.
     """
 
     is_harmful: bool | None
@@ -158,7 +156,6 @@ def harms(differences: Mapping[str, Measured], shapley: Mapping[str, Measured]) 
 
     Args:
         differences: what the team loses without it.
-        shapley: its Shapley value.
     """
     told = {name: each for name, each in differences.items() if each.p is not None}
     corrected = dict(zip(told, holm([each.p or 0.0 for each in told.values()]), strict=True))
@@ -230,8 +227,6 @@ class Penalty:
     """Penalty that an agent got under a term whose earner should get it.
 
     Attributes:
-        agent: who paid.
-        term: of the reward.
         wrong: share of the looks at which others' doing alone caused it, not the payer's.
         unknown: looks at which nobody's doing nothing alone would have spared it.
         by: how often each other agent caused it.
@@ -365,7 +360,6 @@ def shapley_of_orders(
     of none whatever the orders are.
 
     Args:
-        played: the orders.
         values: of every coalition among their prefixes.
     Returns:
         [players].

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isclose
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -16,13 +17,59 @@ from gymnasium.spaces import Discrete
 from numpy.random import Generator
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.attribution.info_terms import InfoTerms
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.outcome import plain_numbers
 from gamekeeper.interface.action_mask import legal_flags, reader
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.interface.policies import first_legal, noop, random
 from gamekeeper.interface.policy import AgentSlot
 from gamekeeper.rollouts.episode_loop import ActionChooser, own_action
+
+
+@dataclass(slots=True)
+class InfoTerms:
+    """Declared terms read from infos, step by step: fields of their names, also one level deeper.
+
+    They count only where they sum to every reward that is paid: a field may have a term's name and
+    hold something else, as a running total.
+
+    Attributes:
+        found: those that stood in some info.
+        is_unequal: some reward wasn't their sum.
+    """
+
+    declared: frozenset[str]
+    found: set[str] = field(default_factory=set)
+    is_unequal: bool = False
+
+    @property
+    def hold(self) -> bool:
+        """Some were found, and every reward was their sum: those that weren't found were 0."""
+        return bool(self.found) and not self.is_unequal
+
+    def take(self, infos: Any, rewards: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """Terms of one step, by agent.
+
+        Args:
+            infos: what agents were given after the step.
+        """
+        given = infos if isinstance(infos, Mapping) else {}
+        terms = {agent_name(agent): self._terms(info) for agent, info in given.items()}
+        for agent, reward in rewards.items():
+            mine = terms.setdefault(agent, {})
+            self.found.update(mine)
+            if not isclose(sum(mine.values()), reward, rel_tol=1e-5, abs_tol=1e-6):
+                self.is_unequal = True
+        return terms
+
+    def _terms(self, info: Any) -> dict[str, float]:
+        nested = [each for each in info.values() if isinstance(each, Mapping)] if info else []
+        found: dict[str, float] = {}
+        for part in (*nested, info):
+            numbers = plain_numbers(part)
+            found.update({name: numbers[name] for name in self.declared & numbers.keys()})
+        return found
+
 
 Instead: TypeAlias = Literal["noop", "other"]
 """Action in place of an agent's own: none, or another legal one, drawn."""
@@ -33,8 +80,6 @@ class EpisodeActions:
     """Actions of an episode.
 
     Attributes:
-        seed: of the reset.
-        options: of the reset.
         turns: ticks, or turns of an AEC environment.
         actions: by agent, its decisions in their order.
         number: of the episode in its run.
@@ -54,9 +99,7 @@ class Swap:
     """One agent does otherwise.
 
     Attributes:
-        agent: who.
         turn: at which; None: whenever it decides.
-        instead: what it does.
     """
 
     agent: str
