@@ -155,6 +155,35 @@ def test_cast_resets_policies_that_can_be_reset() -> None:
     assert all(0 <= seed < 2**31 for seed in one.seeds)
 
 
+class Counting:
+    """Counts what it was asked, and never forgets."""
+
+    calls = 0
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Generator) -> int:
+        """An action."""
+        self.calls += 1
+        return 0
+
+
+COUNTING = Counting()
+
+
+@pytest.mark.parametrize("place", ["a", "*"])
+def test_cast_leaves_a_modules_object_as_it_was(place: str) -> None:
+    """Each cast that names it by a text plays with a copy, so that all begin alike."""
+    for _ in range(2):
+        cast = assign(
+            {place: f"{__name__}:COUNTING"},
+            possible_agents=["a"],
+            action_space=lambda agent: spaces.Discrete(2),
+        )
+        cast.begin(0, 0)
+        cast.act("a", None, {})
+        assert cast.chosen_for("a").policy.calls == 1
+    assert COUNTING.calls == 0
+
+
 def test_cast_resets_a_policy_that_takes_no_seed() -> None:
     """A `reset()` without arguments is called without any."""
     calls = []

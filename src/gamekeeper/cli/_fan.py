@@ -121,7 +121,7 @@ def record_by_workers(
         )
         raise
     _say(screen, played)
-    return Recorded(load(out), played.error)
+    return Recorded(load(out), played.error, depends=played.depends)
 
 
 def _say(screen: Screen, played: FanOut) -> None:

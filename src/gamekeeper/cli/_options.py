@@ -123,8 +123,8 @@ CheckOption: TypeAlias = Annotated[
     typer.Option(
         "--check/--no-check",
         help="At level actions, replay the first finished episode in a worker meanwhile, and "
-        "say at once if it diverges; with several workers, replay one of eight or more episodes, "
-        "and say if it depends on those before it.",
+        "say at once if it diverges; with several workers, play one of eight or more episodes "
+        "again, and say if it depends on those before it.",
     ),
 ]
 FramesOption: TypeAlias = Annotated[

@@ -94,11 +94,13 @@ class Recorded:
     Attributes:
         error: reason for an early end; None where there is none, or it was interrupted.
         is_interrupted: by Ctrl-C.
+        depends: number of an episode that depends on those before it; None: none was found.
     """
 
     evidence: Evidence
     error: GamekeeperError | None = None
     is_interrupted: bool = False
+    depends: int | None = None
 
 
 def record_in_worker(

@@ -132,11 +132,13 @@ def rollout_document(recorded: Recorded) -> dict[str, Any]:
         document["interrupted"] = True
     if recorded.error is not None:
         document["error"] = recorded.error.to_json()
+    if recorded.depends is not None:
+        document["depends"] = recorded.depends
     return document
 
 
 def exit_code(recorded: Recorded) -> int:
-    """0: recorded. 1: the environment failed. 130: interrupted."""
+    """0: recorded. 1: the environment failed, or an episode depends on others. 130: interrupted."""
     if recorded.is_interrupted:
         return 130
-    return 0 if recorded.error is None else 1
+    return 0 if recorded.error is None and recorded.depends is None else 1

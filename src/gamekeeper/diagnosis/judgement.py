@@ -482,8 +482,13 @@ def _labels(substitutes: Any) -> tuple[str, ...]:
         substitutes = [one for one in substitutes if one.undo is None or one.undo.way != EXCHANGE]
     if is_any_scale(substitutes):
         substitutes = [one for one in substitutes if one.undo is None or one.undo.way not in SCALES]
-    named = {label for substitute in substitutes for label in substitute.labels}
+    named = {label for one in substitutes if not _is_open(one, substitutes) for label in one.labels}
     return tuple(label for label in LABELS if label in named)
+
+
+def _is_open(one: IdealSubstitute, rivals: Any) -> bool:
+    """Tells whether an undo without a label does as well at the same agents: then none is sure."""
+    return any((each.is_gain or each.is_offset) and each.agents == one.agents for each in rivals)
 
 
 EXCHANGE: Final = "exchange fields"

@@ -10,7 +10,7 @@ import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
@@ -79,8 +79,8 @@ class IdealSubstitute:
     @property
     def undo(self) -> BoundaryUndo | None:
         """The undo that it is; None: something is at its ideal, or it is several at once."""
-        value = self.steps[0][3]
-        return value if isinstance(value, BoundaryUndo) and not self.parts else None
+        one = self.steps[0][3]
+        return one if isinstance(one, BoundaryUndo) and not self.parts else None
 
     @property
     def is_pair(self) -> bool:
@@ -96,8 +96,7 @@ class IdealSubstitute:
     def is_gain(self) -> bool:
         """Tells whether it enlarges all of an observation, and so drowns what is added to it.
 
-        That makes up for other units, for an error in what is computed with it, and for weak
-        actions alike.
+        That makes up for other units, errors in what is computed with it, and weak actions.
         """
         undo = self.undo
         return undo is not None and undo.way == "rescale fields" and 1 < undo.amount < PIXELS
@@ -453,10 +452,10 @@ def weakened(substitute: IdealSubstitute, value: float) -> IdealSubstitute:
 def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setup:
     if where == "argument" and value is ABSENT:
         return replace(setup, kwargs={key: x for key, x in setup.kwargs.items() if key != name})
-    if where == "argument":
-        return replace(setup, kwargs={**setup.kwargs, name: _part(setup.kwargs, whom, name, value)})
-    if where == "wrapper":
-        return replace(setup, layers={**setup.layers, name: _part(setup.layers, whom, name, value)})
+    if where in ("argument", "wrapper"):
+        given = setup.kwargs if where == "argument" else setup.layers
+        new = {**given, name: {**given[name], whom: value} if whom else value}
+        return replace(setup, kwargs=new) if where == "argument" else replace(setup, layers=new)
     if where == "option":
         options = tuple({**(each or {}), name: value} for each in setup.options)
         return replace(setup, options=options)
@@ -480,10 +479,6 @@ def joined_names(names: Sequence[str]) -> str:
     """Names as `a, b and c`."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
-
-
-def _part(given: Mapping[str, Any], whom: str, name: str, value: Any) -> Any:
-    return {**given[name], whom: value} if whom else value
 
 
 WORSE: Final = ("noop", "random", "greedy")
@@ -541,7 +536,9 @@ def _of_label(
     if label == PLANNING:
         for way in WORSE:
             yield [
-                _replaced(setup, agent, way)
+                PerturbationArm(
+                    f"giving {agent} the policy {way}", label, agent, setup.with_policy(agent, way)
+                )
                 for agent in agents
                 if setup.policy_of(agent, contract) not in (way, None)
                 and _is_known(way, agent, contract, seen)
@@ -578,10 +575,4 @@ def _for_all(label: str, setup: Setup, contract: Contract) -> Iterator[Perturbat
 
 
 def _usual(kind: Any, agent: str) -> Intervention:
-    change: Intervention = kind(agents=(agent,), strength=kind.USUAL)
-    return change
-
-
-def _replaced(setup: Setup, agent: str, way: str) -> PerturbationArm:
-    other = setup.with_policy(agent, way)
-    return PerturbationArm(f"giving {agent} the policy {way}", PLANNING, agent, other)
+    return cast(Intervention, kind(agents=(agent,), strength=kind.USUAL))

@@ -230,7 +230,8 @@ def candidates_of(
 ) -> list[BoundaryUndo]:
     """The undos of single agents and of agents that one policy plays, likely ones first.
 
-    Agents take turns, so that those of one with few aren't put off by another's many.
+    Agents take turns, so that those of one with few aren't put off by another's many. Constants
+    come last.
 
     Args:
         stage: the set-up as it is.
@@ -238,11 +239,13 @@ def candidates_of(
         agents: those that are tried.
         seen: recorded observations by agent; undos that show others are left out.
     """
-    ranked: list[tuple[int, int, BoundaryUndo]] = []
+    ranked: list[tuple[bool, int, int, BoundaryUndo]] = []
     for number, group in enumerate(_groups(stage, agents)):
         likely = sorted(_of_group(stage, group, responses, seen or {}), key=lambda each: each[0])
-        ranked += [(place, number, undo) for place, (_, undo) in enumerate(likely)]
-    return [undo for *_, undo in sorted(ranked, key=lambda each: each[:2])]
+        ranked += [
+            (tier >= SHIFTED, place, number, undo) for place, (tier, undo) in enumerate(likely)
+        ]
+    return [undo for *_, undo in sorted(ranked, key=lambda each: each[:3])]
 
 
 def is_either(stage: OpenSetup, undo: BoundaryUndo) -> bool:

@@ -7,7 +7,7 @@ from itertools import islice, pairwise
 from typing import Any, Final
 
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
-from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing
+from gamekeeper.diagnosis.judgement import SCALES, ScopeFinding, is_failing
 from gamekeeper.diagnosis.message_channels import (
     MOST_AGENTS,
     PROBED,
@@ -19,7 +19,7 @@ from gamekeeper.diagnosis.message_channels import (
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
 from gamekeeper.diagnosis.responses import responses_of
-from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
+from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import candidates_of, is_either
 from gamekeeper.diagnosis.undo_pairs import ranked_undos, search_pairs
 from gamekeeper.episodes.episode import Episode
@@ -220,6 +220,11 @@ def search(
     names = [one.name for one in pool]
     experiment.confirmed = [*experiment.confirmed, *names]
     experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
+    found = [one for scope in scopes for one in experiment.finding(scope).substitutes]
+    if any(CARRIED in one.component for one in found):
+        # Each arm begins with fresh objects, so that a few episodes of any arm succeed by that.
+        experiment.skipped = [one for one in experiment.skipped if one not in skipped]
+        experiment.rivals = []
 
 
 def _beside(
@@ -266,6 +271,8 @@ def _other_boundaries(
         count, later: undos to be confirmed, and episodes of later rounds, that stay affordable.
     """
     best = [one for one, share in ranked.items() if share >= RIVAL and one.undo is not None]
+    if best and not any(one.undo is not None and one.undo.way in SCALES for one in best):
+        rest = [one for one in rest if not one.is_offset]  # it does what a scale does at most
     named = {(one.component, one.agents) for one in best}
     whose = {one.agents for one in best}
     other = [o for o in rest if o.agents in whose and (o.component, o.agents) not in named]

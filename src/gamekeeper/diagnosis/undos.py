@@ -162,7 +162,7 @@ class UndoneCast:
         self._cast.begin(run_seed, episode)
 
     def asked(self, agent: AgentId, *given: Any, **how: Any) -> Any:
-        """Answers of the policy of another agent that is asked several times."""
+        """Actions of another agent's policy that is asked several times."""
         return self._cast.asked(agent, *given, **how)
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:

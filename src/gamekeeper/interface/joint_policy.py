@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from types import FunctionType, ModuleType
@@ -119,6 +118,8 @@ def _resolved(policies: Choices) -> dict[str, Chosen]:
 def _apart(policies: Choices, chosen: Mapping[str, Chosen]) -> frozenset[str]:
     """The places whose agents have an object each: named by a text, and not shared by `same:`.
 
+    Each has a copy: what its module holds stays as it was, so that each cast begins alike.
+
     A function is one for all, and so is what can't be copied, a Python object that was handed in,
     and a trainer's model without a `reset`.
     """
@@ -182,8 +183,7 @@ class JointPolicy:
     ) -> None:
         self._chosen = dict(chosen)
         self._own: dict[str, Chosen] = {}  # by agent, of places whose agents have an object each
-        several = Counter(id(one.policy) for one in chosen.values())
-        self._apart = {whom: several[id(chosen[whom].policy)] > 1 for whom in apart}
+        self._apart = apart
         # One object in several places goes by the first of their names, and is reset once under it.
         names: dict[int, str] = {}
         self._objects = {
@@ -196,7 +196,9 @@ class JointPolicy:
         self._resets = {
             whom: one
             for whom, one in sorted(chosen.items())
-            if self._objects[whom] == whom and callable(getattr(one.policy, "reset", None))
+            if self._objects[whom] == whom
+            and whom not in apart
+            and callable(getattr(one.policy, "reset", None))
         }
         self._action_space, self._roles = action_space, roles
         self._noop, self._mask_at = noop, mask_at
@@ -292,7 +294,7 @@ class JointPolicy:
             roles=self._roles,
             noop=self._noop,
             mask_at=self._mask_at,
-            apart=frozenset(self._apart),
+            apart=self._apart,
         )
         copied._own = {
             agent: replace(one, policy=copy.deepcopy(one.policy, memo))
@@ -306,7 +308,7 @@ class JointPolicy:
     def chosen_for(self, agent: Any) -> Chosen:
         """The policy that plays an agent; of agents with an object each its own copy."""
         place, name = self._place_of(agent), agent_name(agent)
-        if not self._has_own(place, name):
+        if place not in self._apart:
             return self._chosen[place]
         found = self._own.get(name)
         if found is None:
@@ -316,14 +318,10 @@ class JointPolicy:
                 self._reset(name, found)
         return found
 
-    def _has_own(self, place: str, name: str) -> bool:
-        """An agent plays by a copy; the object itself serves a place that is one agent's alone."""
-        return place in self._apart and (place != name or self._apart[place])
-
     def object_of(self, agent: Any) -> str:
         """Returns the name of the object that plays an agent; agents that share it have one."""
         place, name = self._place_of(agent), agent_name(agent)
-        return name if self._has_own(place, name) else self._objects[place]
+        return name if place in self._apart else self._objects[place]
 
     def apart(self, agent: Any, rng: Generator) -> Player:
         """A player for an agent apart from the game, as at the beginning of an episode.
@@ -382,7 +380,7 @@ class JointPolicy:
         for agent in sorted(names):
             place, one = self._place_of(agent), self.chosen_for(agent)
             copied = _copied(one) if self.is_renewed(agent) else None
-            if copied is not None and self._has_own(place, agent):
+            if copied is not None and place in self._apart:
                 kept.append((self._own, [agent], copied))
             elif copied is not None:
                 places = [whom for whom, x in self._chosen.items() if x.policy is one.policy]

@@ -90,15 +90,30 @@ def test_parts_merge_into_what_one_process_records(
         assert gk.replay(tmp_path / "many", allow_import=True).verified
 
 
+KEEPER = """
+class Keeper:
+    calls = 0
+
+    def __call__(self, observation, agent, info, rng):
+        self.calls += 1
+        return int(self.calls > 2)
+
+
+keeper = Keeper()
+"""
+
+
 def test_an_episode_that_depends_on_those_before_it_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By one that is replayed after another, or alone where its part holds several episodes."""
+    """By one that is played again after another, or alone where its part holds several."""
     leaks = plan(episodes=8, env_kwargs={"leaks": True})
     assert "one process would record" in str(apart_into(tmp_path / "leaks", leaks).note)
     assert apart_into(tmp_path / "sound", plan(episodes=8)).note is None
     monkeypatch.setattr("gamekeeper.rollouts.rollout_plan.PARTS", 4)
-    assert apart_into(tmp_path / "parts", leaks).depends == 1
+    (tmp_path / "keeper.py").write_text(KEEPER)
+    keeps = plan(episodes=8, policies={"*": f"{tmp_path / 'keeper.py'}:keeper"})
+    assert apart_into(tmp_path / "keeps", keeps).depends == 1
 
 
 def test_columns_of_late_joiners_find_their_places(tmp_path: Path) -> None:

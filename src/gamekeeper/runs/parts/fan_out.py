@@ -28,7 +28,6 @@ from gamekeeper.runs.files.folder import refuse_taken, system_error
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.parts.part_plan import claim, found_merged, key_of, parts_folder, release
 from gamekeeper.runs.parts.receipts import Receipt, forget, receipt_of, receipts_of, whole_keys
-from gamekeeper.runs.replay_runner import TASK as REPLAY
 from gamekeeper.runs.worker_errors import error_in, error_of
 from gamekeeper.terminal import say
 
@@ -36,6 +35,7 @@ from gamekeeper.terminal import say
 
 PLAY: Final = "gamekeeper.runs.parts.part_tasks:part_task"
 REMAINS: Final = "gamekeeper.runs.parts.part_tasks:remains_task"
+AGAIN: Final = "gamekeeper.runs.parts.part_tasks:again_task"
 NEVER: Final = 1 << 62
 
 
@@ -275,8 +275,9 @@ class FanOut:
             return None
         return (
             f"episode {self.depends} comes out otherwise after the episodes before it than by "
-            "itself: one process would record another run, and episodes don't replay alone; "
-            "gamekeeper audit ENV --select GK604 looks for the cause"
+            "itself: one process would record another run; the environment or a policy keeps "
+            "something over its reset, or draws without its seed (gamekeeper audit ENV --select "
+            "GK604 tells of the environment)"
         )
 
 
@@ -344,8 +345,8 @@ def record_apart(
 def _dependence(playing: PartProgress, executor: Executor, out: Path, limits: Limits) -> int | None:
     """An episode that comes out otherwise after those before it than by itself.
 
-    One that was recorded after others of its part is replayed by itself; where each part is one
-    episode, the second is replayed after the first.
+    One that was recorded after others of its part is played again by itself; where each part is one
+    episode, the second is played after the first.
     """
     plan = playing.plan
     first = next(plan.ranges(), range(0))
@@ -354,10 +355,10 @@ def _dependence(playing: PartProgress, executor: Executor, out: Path, limits: Li
     if not is_wanted or plan.episodes < CHECKED or last >= playing.stop:
         return None
     begin = last if len(first) > 1 else 0
-    arguments = {"path": str(out.absolute()), "env": None, "first": begin, "last": last}
-    found = _by_one(executor, REPLAY, arguments, limits, lambda _: None).value
+    arguments = {"plan": plan.to_json(), "first": begin, "stop": last + 1}
+    found = _by_one(executor, AGAIN, arguments, limits, lambda _: None).value
     recorded = load(out, check=False).header(last)["fingerprint"]
-    return last if isinstance(found, dict) and found["prints"][0] != recorded else None
+    return last if isinstance(found, str) and found != recorded else None
 
 
 def _merge(

@@ -64,6 +64,15 @@ def part_task(
     return {"error": None, **receipt.summary()}
 
 
+def again_task(
+    report: Callable[..., None], *, plan: Mapping[str, Any], first: int, stop: int
+) -> str:
+    """Plays episodes again, with an environment and policies that are new; the last's digest."""
+    some = RolloutPlan.from_json(plan).part(range(first, stop))
+    evidence = record_rollout(some, progress=reported(report, stop - first))
+    return str(evidence.header(stop - 1)["fingerprint"])
+
+
 def remains_task(
     report: Callable[..., None],
     *,
