@@ -13,6 +13,7 @@ from gamekeeper.episodes import evidence as module
 from gamekeeper.episodes.encoder import EPISODES
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.tables import MemoryTables, episode_rows
+from gamekeeper.errors import EvidenceError
 
 LARGEST = 2**31 - 2
 
@@ -52,9 +53,9 @@ def test_trace_finds_its_header_among_gaps(episode: int) -> None:
 
 
 @pytest.mark.parametrize("episode", [-1, 1, 4, 2**31 - 1, 2**40])
-def test_trace_of_no_episode_is_a_key_error(episode: int) -> None:
+def test_trace_of_no_episode_is_refused(episode: int) -> None:
     """Also of numbers that no run can hold."""
-    with pytest.raises(KeyError):
+    with pytest.raises(EvidenceError, match="has no episode"):
         evidence_of([0, 3, 5]).episode(episode)
 
 

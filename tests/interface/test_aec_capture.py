@@ -380,7 +380,7 @@ def test_interrupt_amid_the_books_loses_no_row(where: list[int], resumes: bool) 
 
 def interrupted(capture: Any, place: int, action: Any) -> None:
     """Steps with Ctrl-C after (or amid) one of the parts of the game's books."""
-    name = ("_pay", "_commit", "_crossed", "_note")[place]
+    name = ("_pay", "_commit", "_stepped", "_note")[place]
     whole = getattr(capture, name)
 
     def stop(*args: Any) -> None:

@@ -346,7 +346,7 @@ def test_interrupt_amid_the_books_loses_no_row(where: list[int], resumes: bool) 
 
 def interrupted(capture: Any, place: int, call: Any) -> None:
     """Makes `call` with Ctrl-C after (or amid) one of the steps of the game's books."""
-    name = ("_pay", "_commit", "_crossed", "_give")[place]
+    name = ("_pay", "_commit", "_stepped", "_give")[place]
     whole = getattr(capture, name)
 
     def stop(*args: Any) -> None:
