@@ -249,7 +249,7 @@ def test_statistics_are_those_of_the_decisions(tmp_path) -> None:
     np.testing.assert_array_equal(policy(plain["dog_1"], "dog_1", {}, None), shown["dog_1"])
     before = policy.version
     assert kept.policy(policy).version != before
-    with pytest.raises(PolicyError, match="no statistics of the role .cat."):
+    with pytest.raises(PolicyError, match="no statistics of the role 'cat'"):
         kept.of("cat_0")
 
 

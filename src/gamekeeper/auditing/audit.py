@@ -107,14 +107,8 @@ def audit_here(
         until_s = None if seconds is None else begun_s + seconds
         until_s = 0.0 if gathering.stopped == INTERRUPTED else until_s
         asked: dict[str, Any] = {"begun_s": begun_s, "seed": seed, "is_all": not select}
-        judged = partial(
-            _judged,
-            wanted,
-            opened,
-            reproduction,
-            modules=installed_modules(opened.env, loaded),
-            **asked,
-        )
+        modules = installed_modules(opened.env, loaded)
+        judged = partial(_judged, wanted, opened, reproduction, modules=modules, **asked)
         try:
             return judged(until_s=until_s)
         except KeyboardInterrupt:
