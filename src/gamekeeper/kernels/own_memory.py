@@ -54,7 +54,7 @@ class OwnReader(AddressReader):
         return own
 
     def arrays(self, sample: Arrays) -> Any:
-        """One copy's views of all arrays; raw bytes are the state's, a single term is the reward."""
+        """Views of all arrays; raw bytes are the state's, a single term is the reward."""
         found: dict[str, Any] = {}
         for name, whole in zip(sample._fields, sample, strict=True):
             if name == "raw":
