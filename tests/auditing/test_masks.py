@@ -118,7 +118,7 @@ def test_masks_of_several_choices_are_judged(mask: Any, ids: list[str]) -> None:
 class Throttled(Masked):
     """A move, and how hard: the mask bounds the latter."""
 
-    mask: Any = {"move": np.ones(5, np.int8), "power": np.array([0.0, 0.9], np.float32)}  # noqa: RUF012
+    mask: Any = {"move": np.ones(5, np.int8), "power": np.array([0.0, 0.9], np.float32)}  # noqa: RUF012  # never written
 
     def __init__(self) -> None:
         super().__init__()

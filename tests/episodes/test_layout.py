@@ -60,8 +60,11 @@ def test_unannounced_agents_get_the_columns_they_fit_else_new_ones() -> None:
     """Columns only grow, and none changes its leaf."""
     layout = layout_of({"a_0": SMALL, "a_1": WIDE})
     before = layout.columns("obs")
-    assert layout.add("late", SMALL, ACT).observation.columns[0] is before[0]  # type: ignore[union-attr]
-    assert layout.add("tall", TALL, ACT).observation.columns[0].name == "obs@tall"  # type: ignore[union-attr]
+    late, tall = (layout.add(*each, ACT).observation for each in (("late", SMALL), ("tall", TALL)))
+    assert late is not None
+    assert tall is not None
+    assert late.columns[0] is before[0]
+    assert tall.columns[0].name == "obs@tall"
     assert before == layout.columns("obs")[: len(before)]
 
 

@@ -21,7 +21,7 @@ OWNED: Final = frozenset(
 )
 """Arrays that every step writes; those of endings and infos it rarely does."""
 LARGEST: Final = 2048
-"""Bytes of one copy's row beyond which an array stays where it is, as pictures do."""
+"""Bytes of one copy's row beyond which a state or an array stays where it is, as pictures do."""
 WORD: Final = 16
 """Bytes that a thread moves at once, at most."""
 
@@ -40,8 +40,8 @@ class OwnReader(AddressReader):
     """Makes views of a thread's own memory, filled from the arrays."""
 
     def state(self, size: int) -> Any:
-        """The state's address in own memory."""
-        self.record = self.filled(size)
+        """The state's address, in own memory unless it is long."""
+        self.record = self.filled(size) if size <= LARGEST else self.pointer(size)
         return self.record
 
     def filled(self, size: int) -> Any:
@@ -88,8 +88,9 @@ def put_back(kernel: Kernel) -> Any:
         places, index, record, arrays = values
         reads = AddressReader(context, builder, signature.args[0], places, index)
         size = kernel.dtype.itemsize
-        move(builder, record, reads.pointer(size), size)
-        reads.count += 1  # the tables
+        if size <= LARGEST:
+            move(builder, record, reads.pointer(size), size)
+        reads.count = 2  # the state and the tables
 
         def part_back(whole: Any, value: Any, is_mine: bool) -> None:
             if isinstance(whole, tuple):
