@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any, Final
 
@@ -83,7 +83,8 @@ class Codec:
         node = _node(space, "")
         self.space = space
         self.leaves: tuple[Leaf, ...] = tuple(node.leaves)
-        text = json.dumps([astuple(leaf) for leaf in self.leaves]).encode()
+        described = [(leaf.path, leaf.kind, leaf.dtype, leaf.shape) for leaf in self.leaves]
+        text = json.dumps(described).encode()
         self.signature = blake2b(text, digest_size=16).hexdigest()
         self.pack, self.pack_one = _packers(node)
         self._build = node.build
