@@ -1,7 +1,5 @@
 """Frame around every command: its common options, its outputs, its exit code."""
 
-from __future__ import annotations
-
 import errno
 import importlib
 import inspect

@@ -6,8 +6,6 @@ there is one of the options that several commands share, of the same name. Its d
 signature's, its limits and its completion are an `Annotated` type's, as in `Count`.
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

@@ -1,7 +1,5 @@
 """`gamekeeper attribute RUN`: contribution of each agent, and influence of agents on others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final, Literal
 

@@ -1,7 +1,5 @@
 """`gamekeeper audit ENV`: checks of an environment, each failure with a program that shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final

@@ -1,7 +1,5 @@
 """`gamekeeper contract ENV`: the game form as a card, and declarations that are missing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

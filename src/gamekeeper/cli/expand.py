@@ -1,7 +1,5 @@
 """`gamekeeper expand RUN OUT`: plays a small run again into full evidence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,7 +1,5 @@
 """`gamekeeper label RUN LABEL`: a label for a failure, stored beside the run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

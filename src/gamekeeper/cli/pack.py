@@ -1,7 +1,5 @@
 """`gamekeeper pack RUN...`: runs, their source and figures in one file that others can check."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,7 +1,5 @@
 """`gamekeeper pivots RUN`: the turns that lost failed episodes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,7 +1,5 @@
 """`gamekeeper recover RUN`: finalizes a run whose process was killed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,7 +1,5 @@
 """`gamekeeper report RUN [RUN2 ...]`: one HTML page about a run, in one file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Final
 

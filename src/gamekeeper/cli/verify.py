@@ -1,7 +1,5 @@
 """`gamekeeper verify RUN`: compares every file of a run with its checksums and digests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,7 +1,5 @@
 """`gamekeeper video RUN`: an episode as mp4 and gif."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Final
 

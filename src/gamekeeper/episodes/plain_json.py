@@ -1,7 +1,5 @@
 """Plain data as every reader of JSON takes it."""
 
-from __future__ import annotations
-
 import math
 import struct
 import zlib

@@ -5,8 +5,6 @@ rules of replay: an installed environment, the user's own run, one that the user
 everything by the user's word.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import sys

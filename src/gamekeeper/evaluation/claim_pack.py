@@ -13,8 +13,6 @@ A claim is signed by an SSH key, with OpenSSH's `ssh-keygen -Y`: the signature l
 CLAIM.sig, and covers every byte of it.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import shutil

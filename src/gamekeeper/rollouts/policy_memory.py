@@ -1,7 +1,5 @@
 """Memory of policies: whatever they hold, and what functions keep in their modules."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import random

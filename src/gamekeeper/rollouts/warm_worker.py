@@ -1,7 +1,5 @@
 """Workers that fork for each task, so that what all tasks import is loaded once."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Tasks in worker processes: a crash, a hang or hunger for memory is data."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -4,8 +4,6 @@ A repository is only read: a commit's files are written into a folder of their o
 work tree nor the index changes.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """Runs compared row by row: a replay in a fresh process, or two recorded runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace

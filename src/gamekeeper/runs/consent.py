@@ -1,7 +1,5 @@
 """Consent to run code that a run names: the rule, and the folders in which its imports look."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Verifies a run byte by byte, and recovers one that its recorder left open."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import asdict, dataclass, replace

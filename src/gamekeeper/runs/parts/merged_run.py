@@ -1,7 +1,5 @@
 """The run that parts are merged into, while it is written."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Tasks of workers: play a part of a recording, merge the parts into one run."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile
