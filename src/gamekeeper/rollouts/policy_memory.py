@@ -30,8 +30,6 @@ def state_of(things: Iterable[Any]) -> bytes | None:
     file = io.BytesIO()
     try:
         _Pickler(file, protocol=pickle.HIGHEST_PROTOCOL).dump(list(things))
-    except KeyboardInterrupt:
-        raise
     except Exception:  # foreign code refuses in many ways
         return None
     return file.getvalue() if file.tell() <= MOST_BYTES else None

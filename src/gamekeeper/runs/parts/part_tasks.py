@@ -145,11 +145,9 @@ def _receipt(
     first: int,
     error: Mapping[str, str] | None,
 ) -> Receipt:
-    episodes, turns = (
-        evidence.episode_table.num_rows,
-        pc.sum(evidence.episode_table["turns"]).as_py() or 0,
-    )
-    return Receipt(key, name, first, episodes, turns, error, schemas_of(run_files))
+    table = evidence.episode_table
+    turns = pc.sum(table["turns"]).as_py() or 0
+    return Receipt(key, name, first, table.num_rows, turns, error, schemas_of(run_files))
 
 
 @contextmanager
