@@ -35,10 +35,10 @@ def command(
 
     packed = pack(runs, out, files=more or (), sign=sign)
     screen.show(
-        f"{packed.path}: {len(packed.runs)} run{'s' * (len(packed.runs) != 1)}, "
+        f"{packed.claim}: {len(packed.runs)} run{'s' * (len(packed.runs) != 1)}, "
         f"{len(packed.source)} source files, {packed.size_bytes:,} bytes\ndigest {packed.digest}"
     )
     if packed.signature is not None:
         screen.show(f"signed: {packed.signature}")
-    screen.note(f"to check it: gamekeeper reproduce {packed.path}")
+    screen.note(f"to check it: gamekeeper reproduce {packed.claim}")
     return CommandResult(packed.to_json())
