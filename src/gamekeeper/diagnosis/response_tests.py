@@ -51,6 +51,7 @@ class ResponseTest:
         is_repeatable: the same feed with the same random stream gives the same actions; where it
             doesn't, nothing but `randomness` is measured.
         randomness: part of the actions that another random stream changes; 0: it draws nothing.
+            Where it isn't repeatable: that differ with the same stream.
         lags: number of reactions by lag of the first action that differed, in the agent's own
             decisions.
         memory: most decisions between a change and the last action that differed.
@@ -100,7 +101,10 @@ class ResponseTest:
         if self.left_over:
             return f"can't be tested: {self.left_over}"
         if not self.is_repeatable:
-            return "can't be tested: the same observations and draws give other actions"
+            return (
+                "can't be tested, as it has randomness of its own: the same observations and "
+                f"draws give other actions at {self.randomness:.0%} of its decisions"
+            )
         if self.failures and not self.changes:
             return "chooses no legal action after any change of its observations"
         if not self.reactions:
@@ -181,7 +185,7 @@ def response_test(
             lags[differing[0] - at] += 1
             memory = max(memory, differing[-1] - at)
             reacted[str(field)] += 1
-    pairs = list(zip(bases, others, strict=True))
+    pairs = list(zip(bases, others if is_repeatable else again, strict=True))
     decisions = max(sum(len(base) for base in bases), 1)
     return ResponseTest(
         changes=tried.total(),

@@ -64,7 +64,8 @@ class BoundaryUndo:
     Attributes:
         agents: those agents; their spaces are equal.
         way: what is done.
-        places: fields of the observation or axes of the action, by number; of `exchange values`
+        places: fields of the observation or axes of the action, by number (of `rescale`, where
+            there is none: all of them); of `exchange values`
             and `exchange actions` the field or axis and the two values; of `deliver messages` the
             fields, then as many axes of the speaker's action.
         amount: factor of `rescale`, quarter turns of `turn`, lower end of the range up to 1 of
@@ -106,6 +107,7 @@ class BoundaryUndo:
         whose = f"{', '.join(most)} and {last}'s" if most else f"{last}'s"
         n = f"{self.amount:g}"
         what = " and ".join(name.removeprefix("field ") for name in self.names)
+        field, axis = (f"field {what} of ", f"axis {self._axes} of ") if self.places else ("", "")
         words = {
             "exchange fields": f"exchanging fields {what} of {whose} observation",
             "mirror field": f"mirroring field {what} of {whose} observation",
@@ -113,7 +115,7 @@ class BoundaryUndo:
             f"{90 * self.amount:g} degrees",
             "exchange values": f"exchanging values {self._values} of field {what} of {whose} "
             "observation",
-            "rescale fields": f"multiplying {whose} observation by {n}",
+            "rescale fields": f"multiplying {field}{whose} observation by {n}",
             "normalize fields": f"normalizing {whose} observation to {n} to 1",
             "shift field": f"adding {n} to field {what} of {whose} observation",
             "deliver messages": f"giving {', '.join(self.agents)} what {what} said last",
@@ -121,7 +123,7 @@ class BoundaryUndo:
             "mirror axis": f"mirroring axis {self._axes} of {whose} action",
             "turn axes": f"turning axes {self._axes} of {whose} action by "
             f"{90 * self.amount:g} degrees",
-            "rescale axes": f"multiplying {whose} action by {n}",
+            "rescale axes": f"multiplying {axis}{whose} action by {n}",
             "shift axis": f"adding {n} to axis {self._axes} of {whose} action",
             "exchange actions": f"exchanging values {self._values} of "
             f"{f'{what} of ' if what else ''}{whose} action",
