@@ -149,7 +149,7 @@ def shift_undos(
 ) -> Iterator[Candidate]:
     """Constants added to a field of what an agent observes, or an axis of what it does; factors.
 
-    How much is added is told by the values that were recorded: a few parts of the span of most of them.
+    How much is added is told by recorded values: a few parts of the span of most of them.
     """
     for one in fields if len(fields) <= MOST_SHIFTED else ():
         values = _numbers(one, own)
