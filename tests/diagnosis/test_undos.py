@@ -24,8 +24,7 @@ from gamekeeper.diagnosis.undo_candidates import (
     observation_undos,
     shift_undos,
 )
-from gamekeeper.diagnosis.undo_pairs import pairs_of
-from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
+from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries, pairs_of
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.outcome import Outcome, failures

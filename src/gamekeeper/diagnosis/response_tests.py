@@ -17,6 +17,7 @@ from gymnasium.spaces import Box, Space
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes import canonical
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.row_tables import html_text
@@ -41,7 +42,7 @@ COMMON: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class ResponseTest:
+class ResponseTest(PlainData):
     """Reactions of one agent's policy to recorded observations with one field changed.
 
     Attributes:
@@ -87,12 +88,7 @@ class ResponseTest:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        found = {name: getattr(self, name) for name in self.__slots__}
-        lags = {str(lag): count for lag, count in sorted(self.lags.items())}
-        return {**found, "lags": lags, "lag": self.lag, "deaf": list(self.deaf)} | {
-            "sensitivity": dict(self.sensitivity),
-            "text": str(self),
-        }
+        return {**PlainData.to_json(self), "lag": self.lag, "text": str(self)}
 
     def _repr_html_(self) -> str:
         return html_text(str(self))
@@ -192,7 +188,7 @@ def response_test(
         reactions=reacted.total(),
         is_repeatable=is_repeatable,
         randomness=sum(len(_differing(*pair)) for pair in pairs) / decisions,
-        lags=dict(lags),
+        lags=dict(sorted(lags.items())),
         memory=memory,
         deaf=tuple(name for name in tried if not reacted[name]),
         sensitivity={name: reacted[name] / count for name, count in tried.items()},
