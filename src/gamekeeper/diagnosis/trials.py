@@ -39,6 +39,7 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
+SHIFTS: Final = ("shift field", "shift axis")
 PIXELS: Final = 255.0
 """A factor of an observation that is one of units, of pixels."""
 COMPONENTS: Final = (*LABELS, POLICY, MEMORY, CARRIED, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
@@ -99,12 +100,18 @@ class IdealSubstitute:
         That makes up for other units, errors in what is computed with it, and weak actions.
         """
         undo = self.undo
-        return undo is not None and undo.way == "rescale fields" and 1 < undo.amount < PIXELS
+        is_all = undo is not None and undo.way == "rescale fields" and not undo.places
+        return undo is not None and is_all and 1 < undo.amount < PIXELS
 
     @property
     def is_offset(self) -> bool:
-        """Tells whether it adds a constant: a wrong sensor, action and aim may all need one."""
-        return self.undo is not None and self.undo.way in ("shift field", "shift axis")
+        """Tells whether it adds a constant to one number, or multiplies it by one.
+
+        A wrong sensor, action and aim may all need that.
+        """
+        undo = self.undo
+        is_scale = undo is not None and undo.way in ("rescale fields", "rescale axes")
+        return undo is not None and (undo.way in SHIFTS or (is_scale and bool(undo.places)))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -140,8 +147,9 @@ class IdealSubstitute:
         if self.is_gain:
             return f"{whose}gain, from what is observed to what is done"
         if self.is_offset:
+            kind = "offset" if self.undo is not None and self.undo.way in SHIFTS else "factor"
             return (
-                f"a constant offset in what {joined_names(self.agents)} observes, aims at or does"
+                f"a constant {kind} in what {joined_names(self.agents)} observes, aims at or does"
             )
         if self.is_pair:
             return " and ".join(dict.fromkeys(part.shown for part in self.parts))

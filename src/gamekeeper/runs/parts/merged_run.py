@@ -223,8 +223,7 @@ class MergedRun:
                 self._manifest["agents"].append(agent)
         if self._manifest["state_space"] is None:
             self._manifest["state_space"] = manifest["state_space"]
-        if "error" in manifest:
-            self._manifest["error"] = manifest["error"]
+        self._manifest |= {key: manifest[key] for key in ("error", "stopped") if key in manifest}
 
 
 def _checked(part: Path, receipt: Receipt) -> dict[str, Any]:
