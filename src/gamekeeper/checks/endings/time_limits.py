@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
@@ -147,7 +148,7 @@ def _are_reasons_declared(contract: Contract, trace: Episode, turn: Turn) -> boo
 PLAYS = 2
 """By chance a rule ends an episode in its last tick once, not again and again."""
 OFTEN = 5
-"""Episodes that end at a limit, where more than half of them end before it."""
+"""Plays whose agents end together at a limit, where most plays end before it."""
 
 
 def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
@@ -174,9 +175,9 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     A heuristic, as nobody has declared a limit: an attribute, a constant of the module or a
     parameter that is called like one (`max_steps`, `horizon`, `LIMIT`) holds the very number of
     ticks after which episodes end by termination, in two plays or more and in half of those that
-    came to an end, or in five and thrice as often as in any other one tick; none lasts longer, and
-    nothing was ever truncated. A rule that ends games then by chance, as a battery that is empty in
-    the last tick, would have to do so again and again.
+    came to an end, or in five plays of several agents at once, and thrice as often as in any other
+    tick; none lasts longer, and nothing was ever truncated. A rule that ends games then by chance,
+    as a battery that is empty in the last tick, would have to do so again and again.
 
     Bad: `terminations = dict.fromkeys(agents, time >= self.max_time)`.
 
@@ -206,13 +207,13 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 
 def _stands_out(api: str, traces: Sequence[Episode], limits: Collection[int]) -> bool:
-    """Tells whether far more episodes end in the tick of a limit than in any other one."""
-    ends = Counter[int]()
+    """Tells whether a limit's tick ends all who are left, two or more, as no other tick does."""
+    at_once: dict[Any, int] = {}
     for trace in traces:
-        if trace.header.get("end") == "ended":
-            turns = ticks_before(trace, api)
-            ends.update([n for turn, n in turns if turn.ended and _is_last(trace, turn)][:1])
-    (tick, most), *others = [*ends.most_common(2), (0, 0)]
+        for turn, tick in ticks_before(trace, api):
+            if len(turn.ended) > 1 and _is_last(trace, turn):
+                at_once.setdefault(trace.header.get("seed"), tick)
+    (tick, most), *others = [*Counter(at_once.values()).most_common(2), (0, 0)]
     return tick in limits and most >= max(OFTEN, 3 * others[0][1] if others else 0)
 
 
