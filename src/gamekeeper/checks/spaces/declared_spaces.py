@@ -26,12 +26,8 @@ def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Ca
 
     Fix: make the spaces of all possible agents in __init__, and return Gymnasium's spaces
     """
-    asked = list(evidence.facts(AskedSpace))
-    possible = {each.where.agent for each in asked if each.value.when == "before reset"}
-    for fact in asked:
+    for fact in evidence.facts(AskedSpace):
         value, agent = fact.value, fact.where.agent
-        if possible and agent not in possible:
-            continue  # a live agent that isn't a possible one: GK105
         seen = f"{value.failed or 'a ' + value.type}, {value.when}"
         proof = _early_spaces_proof(str(agent), str(value.which), str(value.when))
         yield Case(fact.where, value.space is not None, "a Gymnasium space", seen, proof)
