@@ -41,7 +41,7 @@ TryOption = Annotated[
         metavar="AGENT=POLICY",
         help="Policy that is tried in an agent's place, such as a checkpoint that worked, in the "
         "forms of --policy. Repeatable (default: the reference policy, if there is one, and those "
-        "of others of its role).",
+        "of others of its role, or with its spaces).",
     ),
 ]
 GoodOption = Annotated[
