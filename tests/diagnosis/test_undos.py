@@ -227,6 +227,11 @@ def test_parts_of_a_dict_are_exchanged_as_wholes_and_pixels_need_bounds_of_pixel
     given = {"goal": np.float32([1, 2]), "place": np.float32([-1, 0]), "power": 1}
     (shown,), _ = passed(whole, space, Discrete(2), given)
     assert [shown[key].tolist() for key in ("goal", "place")] == [[-1, 0], [1, 2]]
+    unlike = acted_fields(MultiDiscrete([6, 3, 6]))  # neighbours whose bounds differ, with no turn
+    ways = [(undo.way, undo.places) for _, undo in observation_undos(("a",), unlike, frozenset())]
+    exchanged = [places for way, places in ways if way == "exchange fields"]
+    assert exchanged == [(0, 1), (0, 2), (1, 2)]
+    assert "turn fields" not in {way for way, _ in ways}
     factors = [
         {undo.amount for _, undo in observation_undos(("a",), acted_fields(box), frozenset())}
         for box in (two, Box(0.0, 1.0, (2,)), Box(0.0, 255.0, (2,)))
