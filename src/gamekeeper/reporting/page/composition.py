@@ -225,12 +225,9 @@ def _played_by(run: ShownRun) -> str:
     agents: dict[str, list[str]] = {}
     for agent, policy in names_of(run.figures.headers[0]).items() if run.figures.headers else ():
         agents.setdefault(policy, []).append(agent)
-    usual, *others = sorted(agents, key=lambda policy: -len(agents[policy])) or [None]
-    if usual is None:
-        return ""
-    return f", played by {usual}" + "".join(
-        f"; {few(agents[policy], most=2)} by {policy}" for policy in others[:MOST_POLICIES]
-    )
+    ranked = sorted(agents, key=lambda policy: -len(agents[policy]))
+    others = [f"; {few(agents[each], most=2)} by {each}" for each in ranked[1 : 1 + MOST_POLICIES]]
+    return f", played by {ranked[0]}{''.join(others)}" if ranked else ""
 
 
 @dataclass(frozen=True, slots=True)
