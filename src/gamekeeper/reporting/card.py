@@ -218,9 +218,10 @@ def card_text(
         lines += ["", section.title, *column_lines(rows, width=wide)]
     for title, group in _groups(_asked(contract, specs, questions)):
         lines += ["", f"{title} ({len(group)})"]
-        for question in group:
+        for question, *alike in _by_role(group):
             why = f" (it matters: {question.why})" if question.why else ""
-            text = f"{question.ask}{why} -> {_proposed(question)}"
+            so = f"; and so for {', '.join(each.path[1] for each in alike)}" if alike else ""
+            text = f"{question.ask}{why} -> {_proposed(question)}{so}"
             lines += _wrapped(one_line(text), wide, "  ", "      ")
     return "\n".join(lines) + "\n"
 
@@ -288,6 +289,15 @@ def _groups(asked: Sequence[Question]) -> Iterator[tuple[str, list[Question]]]:
     ):
         if group:
             yield title, group
+
+
+def _by_role(group: Sequence[Question]) -> Iterable[list[Question]]:
+    """The questions, those together that ask the same of several roles."""
+    found: dict[object, list[Question]] = {}
+    for each in group:
+        path = ("roles", *each.path[2:]) if each.path[0] == "roles" else each.path
+        found.setdefault((path, each.answer, each.measured, each.why), []).append(each)
+    return found.values()
 
 
 def _proposed(question: Question) -> str:
