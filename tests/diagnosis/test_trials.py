@@ -102,6 +102,7 @@ def test_agents_of_one_object_have_its_handles_together() -> None:
     assert memory.name not in found["giving picker_0 the reference policy"].contains
     (everybody,) = (x for x in found.values() if x.component == "policy" and x.parts)
     assert memory.name in everybody.contains
+    assert everybody.name == "giving picker_0, picker_1 and carrier the reference policy"
 
 
 def test_a_shorter_horizon_is_a_question_of_evaluation() -> None:

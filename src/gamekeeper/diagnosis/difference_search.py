@@ -129,7 +129,7 @@ class DifferenceSearch:
 
     def _found(self) -> tuple[Chosen, ...]:
         ranked = self._ranked()
-        for n in (FEWEST, 2 * FEWEST):
+        for n in (FEWEST, 2 * FEWEST):  # a set that only luck on few seeds chose isn't confirmed
             least = self._confirmed(least_set(ranked, partial(self._explains, n=n)))
             if least:
                 others = [one for one in ranked if one not in least and self._is_rival(one)]
@@ -200,6 +200,7 @@ class DifferenceSearch:
         seed = self.seeds[1]
         closed, explains = self._judged(chosen, seed, CONFIRM)
         effect = self._effect((), chosen, seed, CONFIRM)
+        # With all others at 1, Holm is Bonferroni: this set was chosen among so many.
         p = holm([effect.p, *[1.0] * (len(self.tried) - 1)])[0]
         found = TriedSet(
             tuple(one.name for one in chosen), effect, p, closed, explains and p < ALPHA

@@ -29,6 +29,7 @@ from gamekeeper.diagnosis.trials import (
     MEMORY,
     IdealSubstitute,
     PerturbationArm,
+    briefly,
     joined,
     over_undos,
     weakened,
@@ -252,7 +253,7 @@ class Experiment:
         ranked = sorted(self.substitutes, key=lambda one: place[one.name])
         self.skipped = ranked[most:]
         if self.skipped:
-            self.not_played.append(f"ideal substitutes: {', '.join(self._names(self.skipped))}")
+            self.not_played.append(f"ideal substitutes: {', '.join(briefly(self.skipped))}")
         if len(self.substitutes) > 1:
             self.not_played.append("several ideal substitutes at once")
         return self._names(ranked[:most])
