@@ -385,12 +385,12 @@ def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
 
 
 def briefly(parts: Iterable[IdealSubstitute]) -> list[str]:
-    """Names of ideal substitutes; those that give several agents the same are one."""
+    """Names of ideal substitutes; those that give single agents the same are one."""
     found: dict[str, list[str]] = {}
     for part in parts:
-        whom = f"giving {joined_names(part.agents)} " if part.agents else ""
-        shown = part.name.removeprefix(whom)
-        found.setdefault(shown, []).extend(part.agents if shown != part.name else ())
+        shown = part.name.removeprefix(f"giving {part.agents[0]} ") if part.agents else part.name
+        is_merged = len(part.agents) == 1 and shown != part.name
+        found.setdefault(shown if is_merged else part.name, []).extend(part.agents[:is_merged])
     return [f"giving {joined_names(who)} {shown}" if who else shown for shown, who in found.items()]
 
 

@@ -140,12 +140,14 @@ def _rewards(contract: Contract) -> Iterator[Row]:
 
 
 def _term(term: RewardTerm) -> str:
-    parts = [term.kind or "kind not declared"]
+    is_own, is_shared = term.payee == ("earner",), term.kind == "shared"
+    is_plain = is_own if term.kind == "individual" else is_shared and term.payee is not None
+    parts = [] if is_plain and term.earner else [term.kind or "kind not declared"]
     if term.earner is not None:
         parts.append(f"earned by {' and '.join(term.earner)}")
     if term.payee is not None:
-        payee = "the earner" if term.payee == ("earner",) else " and ".join(term.payee)
-        parts.append(f"paid to {payee}" + ", each the same" * (term.kind == "shared"))
+        payee = "the earner" if is_own else " and ".join(term.payee)
+        parts.append(f"paid to {payee}" + ", each the same" * is_shared)
     return ", ".join(parts)
 
 
