@@ -114,7 +114,7 @@ class DifferenceSearch:
 
     def _found(self) -> tuple[Chosen, ...]:
         ranked = self._ranked()
-        for n in (FEWEST, 2 * FEWEST):
+        for n in (FEWEST, 2 * FEWEST):  # a set that only luck on few seeds chose isn't confirmed
             least = self._confirmed(
                 least_set(ranked, partial(self._explains, seed=self.seeds[0], n=n))
             )
@@ -183,6 +183,7 @@ class DifferenceSearch:
         seed = self.seeds[1]
         explains = self._explains(chosen, seed, CONFIRM)
         effect = self._effect((), chosen, seed, CONFIRM)
+        # With all others at 1, Holm is Bonferroni: this set was chosen among so many.
         p = holm([effect.p, *[1.0] * (len(self.tried) - 1)])[0]
         name, is_sure = f"{AS_GOOD}{names_of(chosen)}", explains and p < ALPHA
         found = Tested.of(effect, None, name, "swap", p=p, measure=self.measure, restores=is_sure)

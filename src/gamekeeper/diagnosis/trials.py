@@ -404,8 +404,17 @@ def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
             parts = list({one.agents: one for one in parts[::-1]}.values())[::-1]
         if len(parts) > 1:
             whole = f"everything of {component} at once"
-            names = joined_names([part.name for part in parts])
-            yield joined(parts, names if component == POLICY else whole)
+            yield joined(parts, " and ".join(briefly(parts)) if component == POLICY else whole)
+
+
+def briefly(parts: Iterable[IdealSubstitute]) -> list[str]:
+    """Names of ideal substitutes; those that give single agents the same are one."""
+    found: dict[str, list[str]] = {}
+    for part in parts:
+        shown = part.name.removeprefix(f"giving {part.agents[0]} ") if part.agents else part.name
+        is_merged = len(part.agents) == 1 and shown != part.name
+        found.setdefault(shown if is_merged else part.name, []).extend(part.agents[:is_merged])
+    return [f"giving {joined_names(who)} {shown}" if who else shown for shown, who in found.items()]
 
 
 def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSubstitute:
