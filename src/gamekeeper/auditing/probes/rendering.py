@@ -46,12 +46,11 @@ NEEDS_MORE: Final = re.compile(
 """Words of messages about a missing screen or package, which is no fault of the env."""
 
 
-def _render_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """Two; each is played a handful of times."""
-    yield from session.plays(2, runs=7, most_turns=affordable(session, MOST_TURNS))
-
-
-@probe("render", share=1.5, plays=_render_plays)
+@probe(
+    "render",
+    share=1.5,
+    plays=lambda session: session.plays(2, runs=7, most_turns=affordable(session, MOST_TURNS)),
+)
 def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Every render mode but "human": built, played and filmed beside the play without a camera.
 
@@ -99,7 +98,7 @@ def _mode(
     def built() -> Called:
         return Called(session.env()) if is_own else session.call("make", session.make, **options)
 
-    about = BuiltMode(mode, takes or is_own, is_own, options, None, False, None)
+    about = BuiltMode(mode, takes or is_own, options, None, False, None)
     if not (takes or is_own):
         yield session.fact(about)
         return
@@ -122,27 +121,21 @@ def _mode(
     yield session.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
     yield session.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
     if session.divergence(base.trace, unchanged_rerun.trace) is None:
-        yield from _looked_twice(session, about, base.play, made.value)
+        env, again = made.value, base.play
+        if session.call("reset", env.reset, seed=again.seed, options=again.options).failed is None:
+            digest = _digest(session.call("render", env.render).value)
+            yield session.fact(SecondFrame(mode, options, digest))
     turns = len(base.play.actions or ())
     last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
     for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
         late = Camera(session, first=first)
-        again = session.play(base.play, built().value, watch=late)
-        is_same = session.divergence(filmed.trace, again.trace) is None
+        refilmed = session.play(base.play, built().value, watch=late)
+        is_same = session.divergence(filmed.trace, refilmed.trace) is None
         for shot in late.shots[:1] if is_same else ():
             yield session.fact(FirstFrame(mode, options, first, shot.digest))
     pen = Pen(session)
     session.play(cut(base.play, WRITTEN_TURNS), built().value, watch=pen)
     yield session.fact(WrittenFrames(mode, options, pen.turns, pen.count))
-
-
-def _looked_twice(
-    session: ProbeSession, about: BuiltMode, play: EpisodePlan, env: Any
-) -> Iterator[Saw]:
-    """The first frame of a second episode in the instance that was filmed."""
-    if session.call("reset", env.reset, seed=play.seed, options=play.options).failed is None:
-        digest = _digest(session.call("render", env.render).value)
-        yield session.fact(SecondFrame(about.mode, about.options, digest))
 
 
 def _since(shots: list[Shot], turn: int) -> int:
