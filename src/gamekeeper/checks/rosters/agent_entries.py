@@ -72,8 +72,9 @@ def turn_entries(trace: Episode) -> Iterator[TurnEntries]:
             )
             for agent, nonconforming in (turn.nonconforming.items() if is_nonconforming else ())
         }
-        if not turn.raised:
-            yield TurnEntries(turn, before, acted, missing)
+        if turn.raised:  # the next turn repeats what was given at this one
+            continue
+        yield TurnEntries(turn, before, acted, missing)
         before, acted = turn.live, frozenset(turn.order)
 
 
