@@ -185,7 +185,7 @@ class Pen:
         if not before[0] or _digest(before[0]) != _digest(before[1]):
             return
         pairs = [pair for each in frames for pair in zip(each, before[0], strict=True)]
-        if not all(_can_write(array) for array, _ in pairs):
+        if not all(a.flags.writeable and a.dtype.kind in "uif" and a.size for a, _ in pairs):
             return
         for array, old in pairs:  # both frames may be one array
             array[...] = _scribble(old)
@@ -228,10 +228,6 @@ def _digest(frame: Any) -> str | None:
     for array in arrays:
         hashed.update(f"{array.dtype}{array.shape}".encode() + array.tobytes())
     return hashed.hexdigest()
-
-
-def _can_write(array: Any) -> bool:
-    return bool(array.flags.writeable and array.dtype.kind in "uif" and array.size)
 
 
 def _scribble(array: Any) -> Any:
