@@ -160,18 +160,10 @@ def _check(evidence: Evidence, found: Labelled) -> None:
             actual=found.agent,
             fix="name an agent of the run",
         )
-    turns = {row["episode"]: row["turns"] for row in evidence.episode_table.to_pylist()}
-    if found.episode is not None and found.episode not in turns:
-        raise EvidenceError(
-            f"the run has no episode {found.episode}",
-            where="episode",
-            expected=f"one of {len(turns)} episodes",
-            actual=str(found.episode),
-            fix="name an episode of the run",
-        )
+    header = None if found.episode is None else evidence.header(found.episode)
     if found.turn is None:
         return
-    if found.episode is None:
+    if header is None:
         raise EvidenceError(
             "a turn needs its episode",
             where="turn",
@@ -179,7 +171,7 @@ def _check(evidence: Evidence, found: Labelled) -> None:
             actual=f"turn {found.turn} alone",
             fix="name the episode too",
         )
-    last = turns[found.episode] or 0
+    last = header["turns"] or 0
     if not 0 <= found.turn <= last:
         raise EvidenceError(
             f"episode {found.episode} has no turn {found.turn}",
