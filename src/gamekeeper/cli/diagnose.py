@@ -66,7 +66,7 @@ def command(
             recorded).
         try_ (--try AGENT=POLICY): Policy that is tried in an agent's place, such as a checkpoint
             that worked, in the forms of --policy. Repeatable (default: the reference policy, if
-            there is one, and those of others of its role).
+            there is one, and those of others of its role, or with its spaces).
         expected (--expected SHARE): Share of episodes that succeed where nothing is wrong, from 0
             to 1.
         part (--part SHARE): Share of the gap to --expected that an ideal substitute must close to

@@ -201,6 +201,7 @@ def _usual_block(buffered: BufferedTurns, layout: Layout, marks: Marks) -> Block
     episodes, turns, signed = marks
     counts, count = np.maximum(-signed, 0), len(buffered.usual.agents)
     index = np.fromiter(buffered.usual.agents, np.intp, count)
+    # A row's place in its turn is its number less that of the turn's first row.
     first = np.repeat(np.cumsum(counts) - counts, counts)
     order = (np.arange(count) - first).astype(np.int16)
     yes, no = np.ones(count, np.bool_), np.zeros((count, 1), np.uint8)

@@ -226,6 +226,7 @@ def _sorting(
     earlier = (place[1:] < place[:-1]) | ((place[1:] == place[:-1]) & (rank[1:] < rank[:-1]))
     if not (same & earlier).any():
         return slice(None)
+    # Turns are numbered as they stand, so that lexsort moves rows within their turn alone.
     start = np.cumsum(np.concatenate(([True], ~same))) if len(turn) else turn
     return np.lexsort((rank, place, start))
 

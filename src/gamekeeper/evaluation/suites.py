@@ -179,7 +179,7 @@ def spec_of(
     if found is None:
         if not policies:
             raise SpecError(
-                "nobody is to be evaluated",
+                "no policy is named to be evaluated",
                 where="policies",
                 expected="policies by name",
                 actual="none",

@@ -134,7 +134,7 @@ class _StandingEpisode:
         rekey([each for each in self.generators if id(each) not in own], number)
 
         def chosen() -> None:
-            seed_all(number ^ 1)
+            seed_all(number ^ 1)  # the same number again would repeat what the others drew
             rekey(later, number)
             cast.draw_anew(number, without=free)
 

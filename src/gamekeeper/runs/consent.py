@@ -113,6 +113,7 @@ def _rule(
     modules = _own(path) if is_open else None
     identity = manifest.get("environment")
     changed = [] if modules is None else own_runs.changed(_opened(modules, identity, policies))
+    # First of all an own run: it alone may import files that aren't installed.
     if modules is not None and not changed and not any(map(is_schemed, policies)):
         return ("own_run" if env is None else "named"), modules
     reason = None

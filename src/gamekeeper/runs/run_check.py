@@ -132,6 +132,7 @@ def verify(
         asked, _, fingerprint = fingerprint.partition(":")
         _check_same_level(path, asked, level)
     kinds = {"root": found.root or "", "fingerprint": digits_again}
+    # A fingerprint that is given as the root digest, or the reverse, is a mistake and no other run.
     for option, digits, other in (
         ("root", root, "fingerprint"),
         ("fingerprint", fingerprint, "root"),

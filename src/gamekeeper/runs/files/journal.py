@@ -307,6 +307,8 @@ def _joined(parts: Sequence[list[Any]], layout: Layout) -> BufferedTurns:
     agents, actions, rewards = (
         list(chain.from_iterable(each)) for each in zip(*usual, strict=True)
     )
+    # Checksums that fit don't make a frame honest: numbers are compared before rows are taken by
+    # them, and sizes before columns are made.
     counts = [int(count) for count in turns[2::TURN]]
     rows, others = len(given) // GIVEN, len(agents)
     if (
