@@ -1,7 +1,5 @@
 """Documents of commands, stored among the annotations of the run that they are about."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, Final

@@ -6,8 +6,6 @@ the reset among them, and rows whose agent has ended. All of it follows from the
 a run of level `full` gives the same rows, whoever took them down.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace

@@ -4,8 +4,6 @@ Every value column is raw bytes, one fixed-size element a row, so that rows are 
 without looking at single values.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import repeat

@@ -1,7 +1,5 @@
 """Places in episodes: number, turn, agent, field."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

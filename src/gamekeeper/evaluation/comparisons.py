@@ -1,7 +1,5 @@
 """Policies against one another, on the same seeds, with p-values corrected for their number."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 

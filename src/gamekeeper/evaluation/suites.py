@@ -1,7 +1,5 @@
 """Suites: specifications with an id that others cite. Built-in ones, and those of packages."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Mapping

@@ -158,7 +158,10 @@ def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     found = [
         f"{name} {each['text']}"
         for name, each in (document.get("responses") or {}).items()
-        if (each["changes"] and not each["reactions"]) or each["lag"] or each["randomness"] > OFTEN
+        if (each["changes"] and not each["reactions"])
+        or each["lag"]
+        or each["randomness"] > OFTEN
+        or not each["is_repeatable"]
     ]
     for number, text in enumerate(found):
         yield "" if number else "Noted", text

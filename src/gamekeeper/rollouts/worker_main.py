@@ -8,8 +8,6 @@ memory_bytes); then go out `["alive", null]`, any number of `["report", fields]`
 `["returned", value]` or `["raised", {"error": ..., "traceback": ...}]`.
 """
 
-from __future__ import annotations
-
 import errno
 import faulthandler
 import importlib

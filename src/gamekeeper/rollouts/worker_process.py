@@ -1,7 +1,5 @@
 """A worker process as its parent holds it, and its stacks made readable."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Checksums of a run: of its files, of its annotations, and the root digest over every byte."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ Turns that are in the segments as well, as the process was killed before it empt
 told by their numbers.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """The run that parts are merged into, while it is written."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Mapping
@@ -226,8 +224,7 @@ class MergedRun:
                 self._manifest["agents"].append(agent)
         if self._manifest["state_space"] is None:
             self._manifest["state_space"] = manifest["state_space"]
-        if "error" in manifest:
-            self._manifest["error"] = manifest["error"]
+        self._manifest |= {key: manifest[key] for key in ("error", "stopped") if key in manifest}
 
 
 def _checked(part: Path, receipt: Receipt) -> dict[str, Any]:

@@ -7,8 +7,6 @@ the manifest, which says where each stream begins. Only then the old ones are re
 can be read and recovered whenever its process is killed, and no row waits meanwhile.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from pathlib import Path
