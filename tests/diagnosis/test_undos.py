@@ -24,8 +24,7 @@ from gamekeeper.diagnosis.undo_candidates import (
     observation_undos,
     shift_undos,
 )
-from gamekeeper.diagnosis.undo_pairs import pairs_of
-from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
+from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries, pairs_of
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.outcome import Outcome, failures
@@ -252,12 +251,19 @@ def test_constants_are_added_by_parts_of_the_recorded_span_and_have_no_label() -
     axes = acted_fields(Box(-1.0, 1.0, (1,)))
     tried = [undo for _, undo in shift_undos(("a",), fields, frozenset(), axes, own)]
     by_field = [[one.amount for one in tried if one.names == (each.name,)] for each in fields]
-    assert by_field == [[0.36, -0.36, 0.63, -0.63, 0.18, -0.18, 1.1, -1.1], [1, -1, 2, -2]]
-    assert len(tried) == 20
+    factors = [0.5, 2.0, 0.1, 10.0]
+    shifts = [0.36, -0.36, 0.63, -0.63, 0.18, -0.18, 1.1, -1.1]
+    assert by_field == [[*shifts, *factors], [1, -1, 2, -2]]
+    assert len(tried) == 24
     deaf = frozenset(each.name for each in fields)
     assert len(list(shift_undos(("a",), fields, deaf, axes, own))) == 8
-    (shown,), _ = passed(tried[8], space, Discrete(2), {"far": np.float32([4]), "near": 3})
+    (shown,), _ = passed(tried[12], space, Discrete(2), {"far": np.float32([4]), "near": 3})
     assert shown["near"] == 3
+    (shown,), _ = passed(tried[9], space, Discrete(2), {"far": np.float32([4]), "near": 3})
+    assert (shown["far"].item(), shown["near"]) == (8, 3)
+    assert str(tried[9]) == "multiplying field far of a's observation by 2"
+    assert undone(tried[9]).labels == ()
+    assert undone(tried[9]).shown == "a constant factor in what a observes, aims at or does"
     assert str(tried[0]) == "adding 0.36 to field far of a's observation"
     assert undone(tried[0]).labels == ()
     assert undone(tried[0]).shown == "a constant offset in what a observes, aims at or does"

@@ -41,6 +41,7 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
+SHIFTS: Final = ("shift field", "shift axis")
 PIXELS: Final = 255.0
 """A factor of an observation that is one of units, of pixels."""
 COMPONENTS: Final = (*LABELS, POLICY, MEMORY, CARRIED, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
@@ -101,12 +102,18 @@ class IdealSubstitute:
         That makes up for other units, errors in what is computed with it, and weak actions.
         """
         undo = self.undo
-        return undo is not None and undo.way == "rescale fields" and 1 < undo.amount < PIXELS
+        is_all = undo is not None and undo.way == "rescale fields" and not undo.places
+        return undo is not None and is_all and 1 < undo.amount < PIXELS
 
     @property
     def is_offset(self) -> bool:
-        """Tells whether it adds a constant: a wrong sensor, action and aim may all need one."""
-        return self.undo is not None and self.undo.way in ("shift field", "shift axis")
+        """Tells whether it adds a constant to one number, or multiplies it by one.
+
+        A wrong sensor, action and aim may all need that.
+        """
+        undo = self.undo
+        is_scale = undo is not None and undo.way in ("rescale fields", "rescale axes")
+        return undo is not None and (undo.way in SHIFTS or (is_scale and bool(undo.places)))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -142,8 +149,9 @@ class IdealSubstitute:
         if self.is_gain:
             return f"{whose}gain, from what is observed to what is done"
         if self.is_offset:
+            kind = "offset" if self.undo is not None and self.undo.way in SHIFTS else "factor"
             return (
-                f"a constant offset in what {joined_names(self.agents)} observes, aims at or does"
+                f"a constant {kind} in what {joined_names(self.agents)} observes, aims at or does"
             )
         if self.is_pair:
             return " and ".join(dict.fromkeys(part.shown for part in self.parts))
@@ -396,8 +404,17 @@ def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
             parts = list({one.agents: one for one in parts[::-1]}.values())[::-1]
         if len(parts) > 1:
             whole = f"everything of {component} at once"
-            names = joined_names([part.name for part in parts])
-            yield joined(parts, names if component == POLICY else whole)
+            yield joined(parts, " and ".join(briefly(parts)) if component == POLICY else whole)
+
+
+def briefly(parts: Iterable[IdealSubstitute]) -> list[str]:
+    """Names of ideal substitutes; those that give single agents the same are one."""
+    found: dict[str, list[str]] = {}
+    for part in parts:
+        shown = part.name.removeprefix(f"giving {part.agents[0]} ") if part.agents else part.name
+        is_merged = len(part.agents) == 1 and shown != part.name
+        found.setdefault(shown if is_merged else part.name, []).extend(part.agents[:is_merged])
+    return [f"giving {joined_names(who)} {shown}" if who else shown for shown, who in found.items()]
 
 
 def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSubstitute:

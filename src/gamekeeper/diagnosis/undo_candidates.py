@@ -37,7 +37,7 @@ MOST_SHIFTED: Final = 12
 PARTS: Final = (0.2, 0.35, 0.1, 0.6)
 """Parts of a span that are added, likely ones first."""
 SHIFTED: Final = 4
-"""Tier of constants: they are many."""
+"""Tier of constants: they are many. Factors of one number come after them."""
 NONE: Final = frozenset[str]()
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
@@ -149,22 +149,32 @@ def shift_undos(
     axes: Sequence[NumberField],
     own: Sequence[Any],
 ) -> Iterator[Candidate]:
-    """Constants added to a field of what an agent observes, or to an axis of what it does.
+    """Constants added to a field of what an agent observes, or an axis of what it does; factors.
 
-    How much is told by the values that were recorded: a few parts of the span of most of them.
+    How much is added is told by recorded values: a few parts of the span of most of them.
     """
     for one in fields if len(fields) <= MOST_SHIFTED else ():
         values = _numbers(one, own)
         if one.name in deaf or not values.size:
             continue
         low, high = np.quantile(values, (0.05, 0.95))
+        undo = BoundaryUndo(agents, "shift field", (one.place,), names=(one.name,))
         for by in _constants(float(high - low), is_whole=one.is_whole):
-            undo = BoundaryUndo(agents, "shift field", (one.place,), by, names=(one.name,))
-            yield SHIFTED, undo
+            yield SHIFTED, replace(undo, amount=by)
+        yield from _scaled(replace(undo, way="rescale fields"), one, fields)
     for one in axes if len(axes) <= MOST_SHIFTED else ():
         if np.isfinite([one.low, one.high]).all() and not one.is_whole:
             for by in _constants(one.high - one.low, is_whole=False):
                 yield SHIFTED, BoundaryUndo(agents, "shift axis", (one.place,), by)
+        yield from _scaled(BoundaryUndo(agents, "rescale axes", (one.place,)), one, axes)
+
+
+def _scaled(
+    undo: BoundaryUndo, one: NumberField, every: Sequence[NumberField]
+) -> Iterator[Candidate]:
+    """One of several numbers multiplied, after all constants."""
+    for factor in () if one.is_whole or len(every) == 1 else FACTORS[:4]:
+        yield SHIFTED + 1, replace(undo, amount=factor)
 
 
 def _constants(span: float, *, is_whole: bool) -> list[float]:
