@@ -61,7 +61,7 @@ class IdealSubstitute:
             whatever else restores.
         parts: of several at once, those.
         between: of an undo that touches messages alone: their speaker, then those that hear them.
-        is_either: it is an undo, and none at the other boundary of its agents could do the same.
+        open_as: place of the fault in words, where an undo leaves its label open.
     """
 
     name: str
@@ -73,7 +73,7 @@ class IdealSubstitute:
     cut_off: Literal["declared", "default", "later"] | None = None
     parts: tuple[IdealSubstitute, ...] = ()
     between: tuple[str, ...] = ()
-    is_either: bool = False
+    open_as: str = ""
 
     @property
     def undo(self) -> BoundaryUndo | None:
@@ -93,20 +93,14 @@ class IdealSubstitute:
 
     @property
     def is_gain(self) -> bool:
-        """Tells whether it enlarges all of an observation, and so drowns what is added to it.
-
-        That makes up for other units, errors in what is computed with it, and weak actions.
-        """
+        """Tells whether it enlarges an observation: for units, errors in it, weak actions."""
         undo = self.undo
         is_all = undo is not None and undo.way == "rescale fields" and not undo.places
         return undo is not None and is_all and 1 < undo.amount < PIXELS
 
     @property
     def is_offset(self) -> bool:
-        """Tells whether it adds a constant to one number, or multiplies it by one.
-
-        A wrong sensor, action and aim may all need that.
-        """
+        """Tells whether it adds a constant to a number, or multiplies it: sensor, action or aim."""
         undo = self.undo
         is_scale = undo is not None and undo.way in ("rescale fields", "rescale axes")
         return undo is not None and (undo.way in SHIFTS or (is_scale and bool(undo.places)))
@@ -114,7 +108,7 @@ class IdealSubstitute:
     @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
-        if self.between or self.is_gain or self.is_offset or self.is_either:
+        if self.between or self.is_gain or self.is_offset or self.open_as:
             return ()
         if self.is_pair:
             named = {label for part in self.parts for label in part.labels}
@@ -158,8 +152,8 @@ class IdealSubstitute:
         if self.component == MESSAGES and self.undo is not None:
             names = f"{self.undo.names[0]} to {joined_names(self.undo.agents)}"
             return f"messages from {names}, late or lost on their way"
-        if self.is_either:
-            return f"{whose}{PERCEPTION} or {CONTROL}"
+        if self.open_as:
+            return f"{whose}{self.open_as}"
         names, is_one = joined_names(self.agents), len(self.agents) == 1
         words = {
             POLICY: f"{whose}{'policy' if is_one else 'policies'}",
@@ -287,8 +281,7 @@ def swaps_of(
     """Policies that a user names in place of agents' own, an agent at a time.
 
     Args:
-        replacements: by agent, by role, or under `*` for every agent.
-        agents: all of them.
+        replacements: by agent, by role, or under `*` for every agent of `agents`.
     Raises:
         EvidenceError: a name is no agent and no role.
     """
@@ -312,8 +305,7 @@ def peers_of(
     """For each agent the policies of others of its role, where they have others; a few each.
 
     Then each of these in the place of all of the role that have another one. Agents that neither
-    a declared role nor their names join with any other are peers where `env` gives them equal
-    spaces.
+    contract nor names join with any other are peers where `env` gives them equal spaces.
     """
     groups: dict[tuple[str, str], list[IdealSubstitute]] = {}
     roles = _roles_of(contract, agents, env)
@@ -432,21 +424,20 @@ def undone(
     undo: BoundaryUndo,
     wider: Iterable[BoundaryUndo] = (),
     between: tuple[str, ...] = (),
-    *,
-    is_either: bool = False,
+    open_as: str = "",
 ) -> IdealSubstitute:
     """An undo as a substitute; one of several agents makes up for the same one of each.
 
     Args:
         wider: the undos that may be such of fewer agents.
         between: the speaker and the listeners of the messages that it touches alone.
-        is_either: no undo at the other boundary of its agents could do the same.
+        open_as: place of the fault in words, where its label stays open.
     """
     alone = [each for each in wider if set(each.agents) < set(undo.agents)]
     inner = {str(each) for each in alone if replace(each, agents=undo.agents) == undo}
     agents = () if undo.component == MESSAGES else undo.agents
     found = IdealSubstitute(str(undo), undo.component, agents, (("undo", "", "", undo),))
-    return replace(found, contains=frozenset(inner), between=between, is_either=is_either)
+    return replace(found, contains=frozenset(inner), between=between, open_as=open_as)
 
 
 def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
@@ -455,8 +446,7 @@ def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitu
     A cut-off that comes later makes up for anything that is slow, the default one among them.
     """
     everything = frozenset(one.name for one in substitutes)
-    within_policies = (MEMORY, CARRIED)
-    undos = [o for o in substitutes if o.undo is not None or o.component in within_policies]
+    undos = [o for o in substitutes if o.undo is not None or o.component in (MEMORY, CARRIED)]
     for one in substitutes:
         if one.cut_off in ("default", "later"):
             later = {each.name for each in substitutes if each.cut_off == "later"}

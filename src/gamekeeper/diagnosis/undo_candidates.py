@@ -41,6 +41,8 @@ SHIFTED: Final = 4
 NONE: Final = frozenset[str]()
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
+DRAWN: Final = 0.05
+"""Part of the actions from which on a policy counts as one that draws them."""
 Candidate: TypeAlias = tuple[int, BoundaryUndo]
 """An undo and its tier: lower ones are tried first."""
 
@@ -191,7 +193,7 @@ def call_undos(
     """Undos of when policies are asked: a lag only where one was measured, draws where it draws."""
     for lag in sorted({lag for lag in lags if lag > 0}):
         yield 0, BoundaryUndo(agents, "settle", amount=float(lag))
-    if randomness >= 0.05:
+    if randomness >= DRAWN:
         yield 0, BoundaryUndo(agents, "commonest", amount=float(COMMONEST_OF))
     for turns in HOLDS:
         yield 0, BoundaryUndo(agents, "hold", amount=float(turns))

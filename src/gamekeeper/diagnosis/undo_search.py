@@ -7,7 +7,7 @@ from itertools import combinations, islice, pairwise, product
 from typing import Any, Final
 
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
-from gamekeeper.diagnosis.judgement import SCALES, ScopeFinding, is_failing
+from gamekeeper.diagnosis.judgement import EITHER, OR_DRAWN, SCALES, ScopeFinding, is_failing
 from gamekeeper.diagnosis.message_channels import (
     MOST_AGENTS,
     PROBED,
@@ -20,7 +20,7 @@ from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
 from gamekeeper.diagnosis.responses import responses_of
 from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, joined, peers_of, undone
-from gamekeeper.diagnosis.undo_candidates import candidates_of, is_either
+from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.interventions.fields import acted_fields
@@ -87,7 +87,9 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             [a for a in agents if a in replaced or not replaced],
             _seen([*fed, *islice(episodes, RECORDED)], named),
         )
-        either = {undo for undo in undos if is_either(stage, undo)}
+        open_as = {undo: EITHER for undo in undos if is_either(stage, undo)}
+        held = (undo for undo in undos if undo.way == "hold" and _draws(undo.agents, responses))
+        open_as |= dict.fromkeys(held, OR_DRAWN)
         axes = {
             agent: len(acted_fields(space))
             for agent in named
@@ -96,8 +98,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     channels = _channels(experiment, named)
     undos = [*deliveries(channels), *undos]
     touched = [
-        undone(undo, undos, between(undo, channels, axes), is_either=undo in either)
-        for undo in undos
+        undone(undo, undos, between(undo, channels, axes), open_as.get(undo, "")) for undo in undos
     ]
     renewals = [one for one in experiment.renewals if set(one.agents) & {*agents}]
     candidates = [*experiment.undos, *renewals, *touched]
@@ -105,6 +106,12 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     if all(experiment.finding(each).answer in NONE for each in scopes):
         search_pairs(experiment, touched, failing, scopes, aside=ASIDE)
     return responses
+
+
+def _draws(agents: Iterable[str], responses: Mapping[str, ResponseTest]) -> bool:
+    """Tells whether a policy of these agents draws its actions."""
+    known = [responses[agent] for agent in agents if agent in responses]
+    return any(each.randomness >= DRAWN for each in known)
 
 
 def _seen(episodes: Sequence[Episode], agents: Sequence[str]) -> dict[str, list[Any]]:
