@@ -10,7 +10,7 @@ import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, Literal
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
@@ -555,10 +555,11 @@ def _of_label(
     for name, kind in kinds.items():
         if kind.label == label:
             fit = [agent for agent in agents if (name, agent) not in seen.unfit]
-            changed = [replace(setup, change=_usual(kind, agent)) for agent in fit]
+            usual: Any = kind
+            changes = [usual(agents=(agent,), strength=usual.USUAL) for agent in fit]
             yield [
-                PerturbationArm(f"{name}[{agent}]", label, agent, worse)
-                for agent, worse in zip(fit, changed, strict=True)
+                PerturbationArm(f"{name}[{agent}]", label, agent, replace(setup, change=change))
+                for agent, change in zip(fit, changes, strict=True)
             ]
 
 
@@ -580,7 +581,3 @@ def _for_all(label: str, setup: Setup, contract: Contract) -> Iterator[Perturbat
     if label == EVALUATION and 0 < turns < setup.most_turns:
         cut = replace(setup, most_turns=turns)
         yield PerturbationArm(f"cut after {turns} turns", label, EVERYBODY, cut)
-
-
-def _usual(kind: Any, agent: str) -> Intervention:
-    return cast(Intervention, kind(agents=(agent,), strength=kind.USUAL))
