@@ -155,7 +155,9 @@ def _action_text(action: Any, names: Sequence[str]) -> str:
     """An action by its declared name, its number in brackets; arrays rounded."""
     if isinstance(action, int | np.integer):
         return f"{names[int(action)]} ({action})" if 0 <= action < len(names) else str(action)
-    return shown(np.round(action, 3).tolist() if isinstance(action, np.ndarray) else action)
+    if isinstance(action, np.ndarray) and action.dtype.kind == "f":
+        action = np.round(action.astype(np.float64), 3) + 0.0  # no digits of float32, no -0.0
+    return shown(action.tolist() if isinstance(action, np.ndarray) else action)
 
 
 def keep(

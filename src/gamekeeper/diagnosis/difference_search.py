@@ -109,7 +109,7 @@ class DifferenceSearch:
 
     def _found(self) -> tuple[Chosen, ...]:
         ranked = self._ranked()
-        for n in (FEWEST, 2 * FEWEST):
+        for n in (FEWEST, 2 * FEWEST):  # a set that only luck on few seeds chose isn't confirmed
             least = self._confirmed(
                 least_set(ranked, partial(self._explains, seed=self.seeds[0], n=n))
             )
@@ -176,6 +176,7 @@ class DifferenceSearch:
         seed = self.seeds[1]
         explains = self._explains(chosen, seed, CONFIRM)
         effect = self._effect((), chosen, seed, CONFIRM)
+        # With all others at 1, Holm is Bonferroni: this set was chosen among so many.
         p = holm([effect.p, *[1.0] * (len(self.tried) - 1)])[0]
         name, is_sure = f"{AS_GOOD}{names_of(chosen)}", explains and p < ALPHA
         found = Tested.of(effect, None, name, "swap", p=p, measure=self.measure, restores=is_sure)
@@ -258,8 +259,8 @@ def _smaller(items: list[Item], parts: int, shows: Shows[Item]) -> tuple[list[It
     for begin, end in spans:
         if shows(items[begin:end]):
             return items[begin:end], 2
-    for begin, end in spans if parts > 2 else ():
+    for begin, end in spans if parts > 2 else ():  # of two, what is left is the other one
         rest = items[:begin] + items[end:]
         if shows(rest):
-            return rest, max(parts - 1, 2)
+            return rest, max(parts - 1, 2)  # one part fewer, of the same size
     return None

@@ -28,6 +28,7 @@ from gamekeeper.diagnosis.trials import (
     MEMORY,
     IdealSubstitute,
     PerturbationArm,
+    briefly,
     joined,
     over_undos,
     weakened,
@@ -245,7 +246,9 @@ class Experiment:
         ranked = sorted(self.substitutes, key=lambda one: place[one.name])
         self.skipped = ranked[most:]
         if self.skipped:
-            self.not_played.append(f"ideal substitutes: {', '.join(self._names(self.skipped))}")
+            each = ", each alone" * (len(self.skipped) > 1)
+            names = ", ".join(briefly(self.skipped))
+            self.not_played.append(f"ideal substitutes{each}: {names}")
         if len(self.substitutes) > 1:
             self.not_played.append("several ideal substitutes at once")
         return self._names(ranked[:most])

@@ -139,6 +139,8 @@ def judged(
         return ScopeFinding(answer, (), (), tried, success, why)
     wider = [one for one in tried if one.restores and one.substitute.name in least]
     best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
+    # The smallest answer goes first: one substitute; a pair that beats both of its parts; all at
+    # once.
     singles = [one for one in best if not _is_of_several(one.substitute)]
     if singles:
         return _beside_policies(_of_singles(singles, tried, success, skipped), arms, rng)
@@ -317,6 +319,7 @@ def _of_singles(
     substitutes = _with_peers([one.substitute for one in least], tried)
     if len({one.component for one in substitutes}) > 1:  # then the other boundary has its undo
         substitutes = tuple(replace(one, is_either=False) for one in substitutes)
+    # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     answer, why = _answer_of(substitutes, rivals, tried)
     labels = _labels((*substitutes, *rivals))

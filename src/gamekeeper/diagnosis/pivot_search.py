@@ -166,7 +166,7 @@ class PivotSearch:
     def _point(self, turn: int, hits: int, n: int, *, looks: int) -> CurvePoint:
         if turn == self.play.turns:  # known: the recorded end
             return CurvePoint(turn, 0, n, 0.0, 0.0)
-        share = wilson(hits, n, level=1 - P / max(looks, 1))
+        share = wilson(hits, n, level=1 - P / max(looks, 1))  # Bonferroni: all points at once
         return CurvePoint(turn, hits, n, share.low, share.high)
 
     # -- the pivots
@@ -227,6 +227,8 @@ class PivotSearch:
         """The pivot with the agents whose best action wins back enough of the fall."""
         known = [each for each in tried if each.p is not None]
         corrected = dict(zip(map(id, known), holm([e.p or 0.0 for e in known]), strict=True))
+        # From `before` to `held` the recorded actions cost success, with draws made anew; from
+        # `held` to `after` this turn's own draws do.
         held = base[0] / base[1] if base[1] else pivot.after.share
         wanted = held + PART * (pivot.before.share - held)
         rows = []
@@ -305,6 +307,7 @@ class PivotSearch:
         return sum(map(self.is_success, outcomes)), len(outcomes)
 
     def _numbers(self, purpose: int, turn: int, which: range, *, place: int = 0) -> list[int]:
+        # Words of one key are a sequence: asking for more keeps those that were played.
         key = [self.seed, self.episode, purpose, turn, place + 1]
         words = np.random.SeedSequence(key).generate_state(which.stop)
         return [int(word) >> 1 for word in words[which.start :]]

@@ -131,6 +131,7 @@ def setup_of(
     identity = evidence.manifest["environment"]
     named = _named_policies(evidence, dict(policies or {}))
     spec = spec_of(identity) if env is None else env
+    # Without `aec:` or `parallel:` (9 characters) in front it is opened as what was recorded.
     if isinstance(spec, str) and env is not None and ":" not in spec.split("/")[0][:9]:
         spec = f"{identity.get('api')}:{spec}" if identity.get("api") else spec
     text = json.dumps(identity.get("kwargs") or {}, separators=(",", ":"))

@@ -56,14 +56,16 @@ def observation_undos(
             yield from _value_undos(agents, one, "exchange values", one.name, tier=3)
     for at, one in enumerate(shown):
         for two in shown[at + 1 :]:
-            if {one.name, two.name} <= deaf or (one.low, one.high) != (two.low, two.high):
-                continue
             apart = two.place - one.place
+            is_alike = (one.low, one.high) == (two.low, two.high)
+            is_close = apart == 1 and one.part.space.dtype == two.part.space.dtype
+            if {one.name, two.name} <= deaf or not (is_alike or is_close):
+                continue
             pair = BoundaryUndo(
                 agents, "exchange fields", (one.place, two.place), names=(one.name, two.name)
             )
-            yield (0 if apart == 1 else 1 + apart), pair
-            if apart == 1 and _has_middle(one):
+            yield (0 if apart == 1 else 1 + apart) + (not is_alike), pair
+            if is_alike and apart == 1 and _has_middle(one):
                 for quarters in (1, 2, 3):
                     yield 1, replace(pair, way="turn fields", amount=float(quarters))
     yield from _part_undos(agents, shown, deaf)
@@ -301,8 +303,7 @@ def _of_group(
     slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
     lags = [*slowest, *(each.lag or 0 for each in tests)]
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
-    if tests and all(each.changes and not each.reactions for each in tests):
-        return  # one constant in place of another would make up for nothing that it misreads
+    is_still = bool(tests) and all(each.changes and not each.reactions for each in tests)
     fields: Sequence[NumberField] = ()
     own = [each for agent in group for each in seen.get(agent, ())]
     deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
@@ -310,9 +311,13 @@ def _of_group(
         fields = observed_fields(stage.contract, group[0], observed)
         alike = [a for a in seen if str(observation_space(stage.env, a)) == str(observed)]
         known = [each for agent in alike for each in seen[agent]]
-        for tier, undo in observation_undos(group, fields, deaf):
-            if is_known_range(undo, fields, own, known):
+        for tier, undo in observation_undos(group, fields, NONE if is_still else deaf):
+            # what was recorded may lie beyond what it reacts to only where it reads another field
+            is_apt = tier <= 1 and undo.way == "exchange fields" if is_still else True
+            if is_apt and is_known_range(undo, fields, own, known):
                 yield tier, undo
+    if is_still:
+        return  # one constant in place of another would make up for nothing that it misreads
     axes = () if acted is None else acted_fields(acted)
     yield from action_undos(group, axes)
     if len(group) == 1:  # at all of several it would make up for what pushes them all

@@ -74,7 +74,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         responses = responses_of(stage, fed, named, seed=experiment.seed)
         peers = [
             one
-            for one in peers_of(experiment.setup, experiment.contract, named)
+            for one in peers_of(experiment.setup, experiment.contract, named, stage.env)
             if one.agents[0] in agents
         ]
         experiment.undos = peers[: experiment.runner.left // (2 * ROUNDS[1])]
