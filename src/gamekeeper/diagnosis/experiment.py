@@ -21,13 +21,13 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import MOST, ArmOrder, ArmRunner, RaisedPolicy, raised_in
 from gamekeeper.diagnosis.difference_search import least_set
 from gamekeeper.diagnosis.judgement import ScopeFinding, cut_early, is_failing, judged, recovered
+from gamekeeper.diagnosis.perturbations import PerturbationArm
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import (
     COMPONENTS,
     CUT_OFF,
     MEMORY,
     IdealSubstitute,
-    PerturbationArm,
     briefly,
     joined,
     over_undos,
