@@ -176,7 +176,7 @@ def _why_not(
 ) -> str:
     if handle is not None:
         broken = experiment.runner.broken.get(handle)
-        spent = f"the {experiment.limit} was reached"
+        spent = f"the {experiment.runner.limit} was reached"
         return broken or (spent if experiment.fails else SOUND)
     knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
     is_anothers = any(one.component == label for one in experiment.substitutes)

@@ -293,12 +293,6 @@ def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
     return [*several, *((agent,) for agent in agents)]
 
 
-def _like(stage: OpenSetup, agent: str, seen: Mapping[str, Sequence[Any]]) -> list[str]:
-    """The agents with an agent's observation space, of which observations are known."""
-    space = str(observation_space(stage.env, agent))
-    return [one for one in seen if str(observation_space(stage.env, one)) == space]
-
-
 def _of_group(
     stage: OpenSetup,
     group: tuple[str, ...],
@@ -317,7 +311,8 @@ def _of_group(
     deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
     if observed is not None:
         fields = observed_fields(stage.contract, group[0], observed)
-        known = [each for agent in _like(stage, group[0], seen) for each in seen[agent]]
+        alike = [a for a in seen if str(observation_space(stage.env, a)) == str(observed)]
+        known = [each for agent in alike for each in seen[agent]]
         for tier, undo in observation_undos(group, fields, NONE if is_still else deaf):
             # what was recorded may lie beyond what it reacts to only where it reads another field
             is_apt = tier <= 1 and undo.way == "exchange fields" if is_still else True

@@ -17,8 +17,7 @@ from gamekeeper.diagnosis.message_channels import (
     deliveries,
 )
 from gamekeeper.diagnosis.played_setup import OpenSetup
-from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
-from gamekeeper.diagnosis.responses import responses_of
+from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of, responses_of
 from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, joined, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either
 from gamekeeper.episodes.episode import Episode
@@ -64,12 +63,12 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     failing = _failing(experiment, scopes)
     if not failing or experiment.is_broken_off:
         return {}
-    if experiment.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
+    if experiment.runner.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
         experiment.not_played.append("undos from outside")
         return {}
     with OpenSetup(experiment.setup, experiment.contract) as stage:
         fed = [stage.played(experiment.search_seed, episode).trace for episode in failing[:FED]]
-        experiment.extra += len(fed)
+        experiment.runner.extra += len(fed)
         named = [agent_name(agent) for agent in getattr(stage.env, "possible_agents", ())]
         agents = _suspects(experiment, scopes, named)
         responses = responses_of(stage, fed, named, seed=experiment.seed)
@@ -78,7 +77,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             for one in peers_of(experiment.setup, experiment.contract, named, stage.env)
             if one.agents[0] in agents
         ]
-        experiment.undos = peers[: experiment.left // (2 * ROUNDS[1])]
+        experiment.undos = peers[: experiment.runner.left // (2 * ROUNDS[1])]
         ranked = ranked_undos(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
         replaced = {one.agents[0] for one, share in ranked.items() if share >= RIVAL}
         undos = candidates_of(
@@ -130,9 +129,9 @@ def _seen(episodes: Sequence[Episode], agents: Sequence[str]) -> dict[str, list[
 def _channels(experiment: Experiment, agents: Sequence[str]) -> tuple[MessageChannel, ...]:
     """Messages between agents, where the budget has room to look for them."""
     cost = PROBED * len(agents) if 1 < len(agents) <= MOST_AGENTS else 0
-    if not cost or experiment.left < cost + 2 * experiment.confirm:
+    if not cost or experiment.runner.left < cost + 2 * experiment.confirm:
         return ()
-    experiment.extra += cost
+    experiment.runner.extra += cost
     setup, contract = experiment.setup, experiment.contract
     seed = fresh_seed(experiment.fingerprint, experiment.seed, "messages")
     return channels_of(setup, contract, agents, seed=seed)
@@ -183,7 +182,7 @@ def search(
         failing: searched episodes that fail as it is.
         scopes: for which a success counts.
     """
-    room = int(UNDONE * experiment.left)
+    room = int(UNDONE * experiment.runner.left)
     count = min(max(room // (3 * experiment.confirm), 1), CONFIRMED)
     later = room // 4
     most = max((room - count * experiment.confirm - later) // ROUNDS[0], 0)
@@ -204,7 +203,7 @@ def search(
         each = max(min(until, len(failing)) - at, 1)
         cap = later // (len(ROUNDS) - 1) // each
         if until == at:
-            affordable = (experiment.left - ASIDE) // experiment.confirm
+            affordable = (experiment.runner.left - ASIDE) // experiment.confirm
             cap = max(count, min(affordable, CONFIRMED))
         rivals += [one for one in kept[cap:] if ranked[one] >= RIVAL]
         pool = kept[:cap]
@@ -242,7 +241,7 @@ def _beside(
     """
     whose = {one.agents for one in pool}
     found = [one for one in rivals if one.component == POLICY and one.agents in whose]
-    has_room = experiment.left - ASIDE >= experiment.confirm * (len(pool) + 1)
+    has_room = experiment.runner.left - ASIDE >= experiment.confirm * (len(pool) + 1)
     return found[:1] if has_room and not any(one.component == POLICY for one in pool) else []
 
 
@@ -254,7 +253,7 @@ def _with_parts(experiment: Experiment, pool: Sequence[IdealSubstitute]) -> list
     renewed = {part for one in experiment.renewals for part in one.parts}
     parts = [part for one in pool for part in one.parts if part in renewed]
     parts = [part for part in dict.fromkeys(parts) if part not in pool]
-    if experiment.confirm * (len(pool) + len(parts)) <= experiment.left - ASIDE:
+    if experiment.confirm * (len(pool) + len(parts)) <= experiment.runner.left - ASIDE:
         return [*pool, *parts]
     return [one for one in pool if not {*one.parts} & {*parts}]
 
@@ -285,7 +284,7 @@ def _other_boundaries(
     other += [o for o in rest if o.agents in whose and o not in other]
     same = len(other)
     other += [o for o in rest if best and o not in other]
-    room = experiment.left - count * experiment.confirm - later - ASIDE
+    room = experiment.runner.left - count * experiment.confirm - later - ASIDE
     more = other[: max(room // ROUNDS[0], 0)]
     left = [one for one in rest if one not in more]
     return more, left, [one for one in other[:same] if one not in more]
@@ -384,7 +383,7 @@ def search_pairs(
     ranked = list(ranked_undos(experiment, known, failing[:1], scopes))
     pairs = pairs_of(ranked)
     reserve = aside + RESERVED * experiment.confirm
-    most = max(min(experiment.left - reserve, MOST_PAIRS), 0)
+    most = max(min(experiment.runner.left - reserve, MOST_PAIRS), 0)
     tried: dict[str, IdealSubstitute] = {}
     found: list[IdealSubstitute] = []
     for at in range(0, most, BATCH):
@@ -420,7 +419,7 @@ def _screened(
     tried: dict[str, IdealSubstitute],
 ) -> list[IdealSubstitute]:
     """Those of the pairs that restore on ever more failing seeds, the best first."""
-    room = experiment.left - RESERVED * experiment.confirm
+    room = experiment.runner.left - RESERVED * experiment.confirm
     left = list(pairs[: max(room, 0)])
     tried |= {one.name: one for one in left}
     experiment.groups |= tried
@@ -438,7 +437,7 @@ def _confirm_pairs(experiment: Experiment, pairs: Sequence[IdealSubstitute], asi
     arms: list[IdealSubstitute] = []
     for one in list(kinds.values())[:CONFIRMED_PAIRS]:
         more = [each for each in (*one.parts, one) if each not in (*experiment.undos, *arms)]
-        if (len(arms) + len(more)) * experiment.confirm <= experiment.left - aside:
+        if (len(arms) + len(more)) * experiment.confirm <= experiment.runner.left - aside:
             arms += more
     experiment.undos = [*experiment.undos, *arms]
     names = [one.name for one in arms]
