@@ -257,6 +257,8 @@ def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
         text = f"first difference: turn {each['turn']} of episode {each['episode']}"
         link = {"link": f"#play:{place}", "link_text": text}
     text = f"{few(texts, most=3)} ({how})."
+    if not text.startswith(tuple(named)):
+        text = f"{text[0].upper()}{text[1:]}"
     return Answer("Likely cause", text, few(named, most=3), "failed", **link)
 
 
