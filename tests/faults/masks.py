@@ -109,6 +109,34 @@ class StaleMask(Tokens):
         return {**seen, "action_mask": seen["action_mask"] | self.kept[agent]}
 
 
+@faulty("GK238", budget=3_000)
+class StaleMaskTaken(Tokens):
+    """The mask is from before the other player moved, and a forbidden cell is a pass.
+
+    Neither raises, so nothing says that it is wrong.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Both begin with the first mask."""
+        super().reset(seed, options)
+        self.kept = dict.fromkeys(self.agents, self.legal())
+
+    def observe(self, agent: str) -> dict[str, Any]:
+        """The mask that was kept."""
+        return {**super().observe(agent), "action_mask": self.kept[agent].copy()}
+
+    def step(self, action: Any) -> None:
+        """Passes where the cell is taken, and keeps the mask for the own next turn."""
+        agent = self.agent_selection
+        if not self.terminations[agent] and not self.legal()[action]:
+            self._cumulative_rewards[agent] = 0.0
+            self._clear_rewards()
+            self.agent_selection = next(a for a in self.possible_agents if a != agent)
+        else:
+            super().step(action)
+        self.kept[agent] = self.legal()
+
+
 @faulty(
     "GK236", contract={"roles": {"player": {"agents": "player_*", "mask": "infos.action_mask"}}}
 )

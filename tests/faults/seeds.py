@@ -173,3 +173,16 @@ class NoneReseeds(Tokens):
         """Starts every unseeded episode alike."""
         self.seed = self.seed if seed is None else seed
         super().reset(self.seed, options)
+
+
+@faulty("GK616")
+class OptionsStay(Rovers):
+    """An option of one reset is the default of the next.
+
+    It was kept under the name of the default.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """The length of an episode is an option."""
+        self.horizon = (options or {}).get("horizon", self.horizon)
+        return super().reset(seed, options)

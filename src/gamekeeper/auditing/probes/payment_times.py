@@ -128,6 +128,7 @@ def _timed(
         at_once = any(
             abs(two.reward(at, name) - one.reward(at, name)) >= enough
             for at in range(then, paid)
+            if at in one.turns and at in two.turns
             for name in {*one.turns[at].rewards, *two.turns[at].rewards}
         )
         if is_moved and not at_once and _drew_alike(one, two):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
@@ -145,6 +147,8 @@ def _are_reasons_declared(contract: Contract, trace: Episode, turn: Turn) -> boo
 
 PLAYS = 2
 """By chance a rule ends an episode in its last tick once, not again and again."""
+OFTEN = 5
+"""Plays whose agents end together at a limit, where most plays end before it."""
 
 
 def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
@@ -171,8 +175,9 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     A heuristic, as nobody has declared a limit: an attribute, a constant of the module or a
     parameter that is called like one (`max_steps`, `horizon`, `LIMIT`) holds the very number of
     ticks after which episodes end by termination, in two plays or more and in half of those that
-    came to an end; none lasts longer, and nothing was ever truncated. A rule that ends games then
-    by chance, as a battery that is empty in the last tick, would have to do so again and again.
+    came to an end, or in five plays of several agents at once, and thrice as often as in any other
+    tick; none lasts longer, and nothing was ever truncated. A rule that ends games then by chance,
+    as a battery that is empty in the last tick, would have to do so again and again.
 
     Bad: `terminations = dict.fromkeys(agents, time >= self.max_time)`.
 
@@ -194,8 +199,22 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     is_truncated = any(_is_truncated(turn) for trace in traces for turn in trace.turns)
     whole = sum(trace.header.get("end") == "ended" for trace in traces)
     least = max(min(PLAYS, len(traces)), whole / 2)
-    is_sure = sum(not each.ok for each in found) >= least and not is_truncated
+    is_sure = not is_truncated and (
+        sum(not each.ok for each in found) >= least
+        or _stands_out(evidence.api, traces, limits.values())
+    )
     yield from (each for each in found if each.ok or is_sure)
+
+
+def _stands_out(api: str, traces: Sequence[Episode], limits: Collection[int]) -> bool:
+    """Tells whether a limit's tick ends all who are left, two or more, as no other tick does."""
+    at_once: dict[Any, int] = {}
+    for trace in traces:
+        for turn, tick in ticks_before(trace, api):
+            if len(turn.ended) > 1 and _is_last(trace, turn):
+                at_once.setdefault(trace.header.get("seed"), tick)
+    (tick, most), *others = [*Counter(at_once.values()).most_common(2), (0, 0)]
+    return tick in limits and most >= max(OFTEN, 3 * others[0][1] if others else 0)
 
 
 def _limits(evidence: ProbeEvidence) -> dict[str, int]:

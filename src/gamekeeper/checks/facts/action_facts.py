@@ -45,3 +45,26 @@ class EndedActions:
     agents: list[Any]
     raised: str | None
     turn: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class MaskTrial:
+    """Every action of an agent with a mask, or some of very many, tried at one turn.
+
+    Attributes:
+        agent: as the environment calls it.
+        actions: those that were tried.
+        given: for each, whether the mask allows it.
+        classes: for each the number of its outcome, equal for equal ones; -1: the step raised.
+        others: the same flags as other masks have them, by the words for their source.
+    """
+
+    agent: Any
+    actions: tuple[Any, ...]
+    given: tuple[bool, ...]
+    classes: tuple[int, ...]
+    others: Mapping[str, tuple[bool, ...]]
+
+    def is_alone(self, place: int) -> bool:
+        """Tells whether no other action gives what this one does."""
+        return self.classes[place] >= 0 and self.classes.count(self.classes[place]) == 1
