@@ -18,14 +18,8 @@ Run: TypeAlias = Evidence | str | PathLike[str]
 """Evidence, or the folder of a run."""
 
 COLORS: Final = (
-    "#0072b2",
-    "#d55e00",
-    "#009e73",
-    "#b0578d",
-    "#b87d00",
-    "#2a9fd6",
-    "#6b5b95",
-    "#4d4d4d",
+    *("#0072b2", "#d55e00", "#009e73", "#b0578d"),
+    *("#b87d00", "#2a9fd6", "#6b5b95", "#4d4d4d"),
 )
 """Colours of agents by their place, as in the player in light."""
 RAMP: Final = "cividis"
