@@ -6,12 +6,12 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 HERE: Final = Path(__file__).parent
 CATALOGUE: Final = HERE / "environments.toml"
 GROUPS: Final = HERE / "groups.toml"
-Group = Literal["tuned", "related", "new", "left", "fresh", "second", "third", "fourth"]
+Group = Literal["tuned", "related", "new", "left", "fresh", "second", "third", "fourth", "fifth"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second*, *third*, *fourth*: likewise, once they were changed by those before."""
+    *second* to *fifth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:
@@ -45,7 +45,7 @@ def catalogue(path: Path = CATALOGUE) -> Iterator[Listed]:
         for each in package["environments"]:
             group: Group = "related" if package["name"] in groups["related"] else "new"
             key = f"{package['name']}/{each['name']}"
-            apart: tuple[Group, ...] = ("tuned", "left", "fresh", "second", "third", "fourth")
+            apart = tuple(name for name in get_args(Group) if name not in ("related", "new"))
             group = next((name for name in apart if key in groups[name]), group)
             yield Listed(
                 package=package["name"],

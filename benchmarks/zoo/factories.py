@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import importlib.util
 import os
@@ -358,4 +359,43 @@ def supply_chain() -> Any:
         reward_config=read["reward"],
         topology_config=read["topology"],
         shock_config=read["shocks"],
+    )
+
+
+def targets_without_window() -> Any:
+    """Agents that fly to targets, without a window."""
+    return of_repository(
+        "jp013718+marl_example", "environment.envs.marl_env", "MarlEnvironment", render_mode=None
+    )
+
+
+def combat() -> Any:
+    """Antibody and antigen, with the defaults of its own command line."""
+    defaults = {"seed": 1, "max_episode_len": 25, "num_agents": 2, "num_variants": 2, "seq_len": 5}
+    args = argparse.Namespace(**defaults)
+    return of_repository(
+        "FahsaiNak+CombatRL", "environment", "CombatActionMaskedEnvironment", args=args
+    )
+
+
+def inventory() -> Any:
+    """Three warehouses that order, by one of its configurations."""
+    where = "Jakoebly+marl-sc"
+    path = "config_files/environments/env_symmetric_3WH2SKU.yaml"
+    read = inside_repository(where, "src.config.loader", "load_environment_config", path=path)
+    return of_repository(
+        where, "src.environment.envs.multi_env", "InventoryEnvironment", env_config=read
+    )
+
+
+def manufacturing() -> Any:
+    """Job shop and maintenance, with the configuration of its first phase."""
+    import yaml
+
+    where = "Zeleckto+MARL_MaintOptimization"
+    files = Path(os.environ["ZOO_REPOSITORIES"], where, "configs")
+    names = "base.yaml", "phase1.yaml"
+    base, phase = (yaml.safe_load((files / name).read_text(encoding="utf-8")) for name in names)
+    return of_repository(
+        where, "environments.mfg_env", "ManufacturingEnv", config={**base, **(phase or {})}
     )

@@ -26,7 +26,7 @@ FINDINGS: Final = HERE.parents[1] / "docs" / "findings"
 WORDS: Final = ("true", "same cause", "pedantic", "false")
 FAULTS: Final = WORDS[:2]
 """Judgements that say that a fault is there."""
-APART: Final = ("second", "third", "fourth")
+APART: Final = ("second", "third", "fourth", "fifth")
 """Lots of repositories that no audit had been run on."""
 LOTS: Final = ("tuned", "related", "new", "left", "fresh", "again", *APART, "changed")
 SEVERAL: Final = 10
@@ -101,7 +101,7 @@ def lots(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     for lot in LOTS:
         yield _total(lot, [row for row in rows if row["lot"] == lot], judged)
     bare = [row for row in rows if row["lot"] in APART]
-    yield _total("second to fourth", bare, judged)
+    yield _total(f"{APART[0]} to {APART[-1]}", bare, judged)
     shown = [row["shown"] for row in rows if "shown" in row]
     whole, of = (sum(counts) for counts in zip(*shown, strict=True))
     over = max(row.get("over", 0) for row in rows)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gamekeeper.auditing.result import AuditResult
     from gamekeeper.checks.verdict import Finding, Verdict
     from gamekeeper.contract import Contract
-    from gamekeeper.diagnosis.attribution.attribution_result import Attribution
+    from gamekeeper.diagnosis.attribution.agent_measures import Attribution
     from gamekeeper.diagnosis.attribution.contributions import attribute
     from gamekeeper.diagnosis.diagnosis_result import Diagnosis
     from gamekeeper.diagnosis.failure_causes import diagnose
@@ -124,7 +124,7 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "Attribution": "gamekeeper.diagnosis.attribution.attribution_result",
+    "Attribution": "gamekeeper.diagnosis.attribution.agent_measures",
     "AuditResult": "gamekeeper.auditing.result",
     "Contract": "gamekeeper.contract",
     "Diagnosis": "gamekeeper.diagnosis.diagnosis_result",

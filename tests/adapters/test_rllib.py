@@ -28,6 +28,8 @@ from tests.adapters.rllib_books import (
     noted_steps,
     played,
 )
+from tests.vector.doors import SAYS
+from tests.vector.doors import SPEC as DOORS
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch: more threads only wait
 os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
@@ -409,3 +411,11 @@ def test_order_of_agents_doesnt_hang_on_the_hash_seed() -> None:
     here: dict[str, Any] = {}
     exec(code, here)
     assert str(here["said"]) == ran.stdout.strip()
+
+
+def test_forbidden_action_is_named() -> None:
+    """A module that reads no masks: the agent, what it might have done, and the fix."""
+    env = made(DOORS)
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match=SAYS):
+        env.step({"left": 1, "right": 0})

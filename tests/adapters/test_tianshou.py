@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.errors import PolicyError, SpecError
+from gamekeeper.errors import ActionError, PolicyError, SpecError
 from tests.adapters.tianshou_play import LEAVES, TIRED, Echo, first_legal, made
+from tests.vector.doors import SAYS
+from tests.vector.doors import SPEC as DOORS
 
 pytestmark = [
     pytest.mark.trainer,
@@ -262,3 +264,12 @@ def test_example_prints_one_line(
     assert (told["example"], told["task"], told["seed"]) == ("tianshou_tictactoe", "tictactoe", 3)
     assert told["steps"] >= 128
     assert 0.0 <= told["result"] <= 1.0
+
+
+def test_forbidden_action_is_named() -> None:
+    """An actor that reads no masks: the agent, what it might have done, and the fix."""
+    env = made(DOORS, 1)
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match=SAYS):
+        env.slots.step(np.array([[1, 0]]))
+    env.close()

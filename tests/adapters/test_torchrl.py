@@ -22,6 +22,8 @@ from tests.adapters.torchrl_views import (
     first_legal,
     made,
 )
+from tests.vector.doors import SAYS
+from tests.vector.doors import SPEC as DOORS
 
 pytestmark = [
     pytest.mark.trainer,
@@ -398,4 +400,17 @@ def test_policy_acts_as_in_the_env() -> None:
             assert played == batch[0][group, "action"][: len(played), place].tolist()
     with pytest.raises(PolicyError, match="isn't among the agents"):
         torchrl.policy(actor, env)(np.zeros(16), "wolf_0", {}, np.random.default_rng(0))
+    env.close()
+
+
+def test_forbidden_action_is_named() -> None:
+    """An actor that reads no masks: the agent, what it might have done, and the fix."""
+    import torch
+
+    env = made(DOORS, 1)
+    given = env.rand_action(env.reset())
+    (group,) = env.group_map
+    given[group, "action"] = torch.tensor([[1, 0]])
+    with pytest.raises(ActionError, match=SAYS):
+        env.step(given)
     env.close()

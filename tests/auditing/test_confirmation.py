@@ -17,6 +17,7 @@ from gamekeeper.auditing.holds import (
     ClassState,
     calls_of_class,
     globals_held,
+    missing_held,
     names_held,
     observe_held,
     readings_held,
@@ -314,6 +315,24 @@ def test_rewards_names_and_readings_are_held_still() -> None:
         *(1, 1, 1, 1),
         0,
     ]
+
+
+def test_agents_in_the_game_are_given_the_entries_that_they_lack() -> None:
+    """A Parallel step without a reward, an AEC environment without cumulative rewards."""
+
+    class Silent(Uncleared):
+        def step(self, action: Any) -> Any:
+            return {}, {"a": 2.0}, {}, {}, {}
+
+    class Turns(Uncleared):
+        agent_iter = None
+
+    env = missing_held(Silent)()
+    env.reset()
+    assert env.step({})[1] == {"a": 2.0, "b": 0.0}
+    aec = missing_held(Turns)()
+    aec.reset()
+    assert aec._cumulative_rewards == {"a": 0.0, "b": 0.0}
 
 
 def test_a_finding_tells_the_exception_that_its_program_shows() -> None:

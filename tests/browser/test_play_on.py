@@ -10,7 +10,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.diagnosis import play_on
 from gamekeeper.diagnosis.play_on import BranchPoint, Futures, Offered, PlayOnOptions
-from gamekeeper.diagnosis.play_on_tasks import futures_task, record_task
+from gamekeeper.diagnosis.play_on_tasks import play_on_task
 from gamekeeper.runs.worker_errors import error_of
 from gamekeeper.viewing import interactive
 from gamekeeper.viewing.viewer import Viewer
@@ -30,14 +30,16 @@ def offers_here(run: Path, episode: int, options: Any) -> dict[str, Offered]:
 def futures_here(run: Path, branch: BranchPoint, *, count: int, **options: Any) -> Futures:
     """As `futures`, without a process of its own."""
     extra = {"numbers": list(range(count)), "budget": 9_999}
-    answer = futures_task(silent, **ordered(run, branch, **extra))
+    answer = play_on_task(silent, kind="futures", **ordered(run, branch, **extra))
     arms = [play_on._arm_of(answer[arm]) for arm in ("as_recorded", "changed")]
     return Futures(branch, count, answer["steps"], *arms)
 
 
 def future_here(run: Path, branch: BranchPoint, out: Path, *, number: Any, **options: Any) -> bool:
     """As `record_future`, without a process of its own."""
-    answer = record_task(silent, **ordered(run, branch, number=number, out=str(out)))
+    answer = play_on_task(
+        silent, kind="record", **ordered(run, branch, number=number, out=str(out))
+    )
     if answer["error"] is not None:
         raise error_of(answer["error"])
     return bool(answer["replays"])

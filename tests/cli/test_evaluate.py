@@ -195,7 +195,7 @@ def test_evaluate_of_an_unknown_agent_names_those_there_are_and_lines_that_work(
     ("words", "seen"),
     [
         (("nothing.toml",), "can't be opened"),
-        (("two_robot_line",), "nobody is to be evaluated"),
+        (("two_robot_line",), "no policy is named to be evaluated"),
         (("two_robot_line", "--policy", "random", "--policy", "random"), "one name"),
         (("two_robot_line", "--policy", "a:=random", "--policy", "a:=noop"), "two policies for"),
         (("two_robot_line", "--policy", "picker=x:chase"), "--policy chase:=picker=x:chase"),

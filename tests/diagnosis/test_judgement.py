@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from gamekeeper.diagnosis.failure_causes import _with_left_out
+from gamekeeper.diagnosis.failure_causes import scope_answer
 from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined, undone
 from gamekeeper.diagnosis.undos import BoundaryUndo
@@ -160,6 +161,12 @@ def test_recovered_is_the_part_of_the_gap() -> None:
 def test_what_was_not_tried_is_said_before_unexplained() -> None:
     """The answer claims nothing of what the budget didn't reach."""
     answer = found(0.1, 0.1, noise=0.15, slip=0.1)
-    why = _with_left_out(answer, ["88 of 88 undos from outside"]).why
+    experiment: Any = SimpleNamespace(
+        finding=lambda scope: answer,
+        not_played=["88 of 88 undos from outside"],
+        is_broken_off=False,
+    )
+    why = scope_answer(experiment, "team", None).why
     assert why.startswith("not tried: 88 of 88 undos from outside; of what was, no ideal")
-    assert _with_left_out(answer, []) is answer
+    experiment.not_played = []
+    assert scope_answer(experiment, "team", None) == answer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,6 +10,7 @@ from gymnasium.spaces import Box, Discrete
 
 import gamekeeper as gk
 from gamekeeper.contract import Contract
+from gamekeeper.contract.sections import Role
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import peers_of
 
@@ -115,3 +117,14 @@ def test_policies_of_peers_are_tried_for_all_of_a_role_at_once() -> None:
     assert together.name == "giving a_0 and a_1 a_2's policy"
     assert together.agents == ("a_0", "a_1")
     assert {one.name for one in found[:2]} <= together.contains
+
+
+def test_agents_alone_in_their_role_are_peers_where_their_spaces_are_equal() -> None:
+    """`left` and `right` are; others of other spaces, or of a declared role, aren't."""
+    given = dict.fromkeys(("left", "right", "odd"), Discrete(2)) | {"odd": Discrete(3)}
+    env = SimpleNamespace(observation_space=given.get, action_space=given.get)
+    setup = Setup("x", policies={"left": "noop", "right": "random", "odd": "first-legal"})
+    found = [one.name for one in peers_of(setup, Contract(), list(given), env)]
+    assert found == ["giving left right's policy", "giving right left's policy"]
+    declared = Contract(roles={"arm": Role(agents=("left",))})
+    assert list(peers_of(setup, declared, list(given), env)) == []

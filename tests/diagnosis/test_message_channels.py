@@ -103,6 +103,9 @@ def test_an_undo_of_messages_alone_is_told_from_one_of_anything_else() -> None:
     assert ends("x", "mirror axis", 1) == ("x", "y", "z")
     assert ends("x", "rescale axes") == ("x", "y", "z")
     assert between(BoundaryUndo(("x",), "rescale axes"), channels, {"x": 3}) == ()
+    assert ends("y", "hold") == ()
+    lossy = [MessageChannel("x", "y", (0,), (2,), is_whole=False)]
+    assert between(BoundaryUndo(("y",), "hold", amount=4.0), lossy, axes) == ("x", "y")
 
 
 def answer(*substitutes: IdealSubstitute) -> ScopeFinding:

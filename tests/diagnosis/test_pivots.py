@@ -132,6 +132,25 @@ def test_pivots_says_what_the_budget_did_not_reach() -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
+def test_pivots_text_says_the_same_of_several_episodes_once() -> None:
+    """A share of the last turn alone says nothing of the first one."""
+
+    def at(turn: int) -> dict[str, Any]:
+        """A point of the curve without a success."""
+        return {"turn": turn, "successes": 0, "n": 24, "share": 0.0, "low": 0.0, "high": 0.2}
+
+    spent = ["more continuations: the budget is spent"]
+    one = {"scope": "team", "turns": 9, "question": "falls", "pivots": [], "not_tried": spent}
+    count = {"failed": 3, "episodes": 3}
+    episodes = [{**one, "episode": k, "curve": [at(0), at(9)]} for k in range(2)]
+    episodes.append({**one, "episode": 2, "curve": [at(9)]})
+    document = {"failed": count, "episodes": episodes, "steps": 100, "budget": 100}
+    text = pivots_text(document, width=100)
+    assert text.count("the policies seldom succeed from the first turn on") == 1
+    assert text.startswith("2 episodes failed, and no turn of them is named: 0, 1\n")
+    assert "from turn 9" not in text
+
+
 def test_pivots_document_can_be_read_again() -> None:
     """What a worker answers is what this process would have found."""
     policies = {"*": Blunder(7, "left")}

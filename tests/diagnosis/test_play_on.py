@@ -17,7 +17,7 @@ from gamekeeper.diagnosis.play_on import (
     offers,
     record_future,
 )
-from gamekeeper.diagnosis.play_on_tasks import futures_task, record_task
+from gamekeeper.diagnosis.play_on_tasks import play_on_task
 from gamekeeper.diagnosis.played_setup import setup_of
 from gamekeeper.errors import EvidenceError, TrustError
 from tests.diagnosis.test_pivots import Vault
@@ -52,7 +52,7 @@ def ordered(run: Path, branch: BranchPoint, **extra: Any) -> dict[str, Any]:
 def played(run: Path, branch: BranchPoint, numbers: int = 8, budget: int = 9_999) -> dict[str, Any]:
     """Both arms, in this process."""
     extra = {"numbers": list(range(numbers)), "budget": budget}
-    return futures_task(silent, **ordered(run, branch, **extra))
+    return play_on_task(silent, kind="futures", **ordered(run, branch, **extra))
 
 
 @pytest.mark.parametrize("action", [HOLD, LET_GO])
@@ -62,7 +62,7 @@ def test_recorded_future_differs_first_where_it_was_changed(
     """With the recorded action it is the recording; with another one it differs from there."""
     branch = BranchPoint(episode=1, turn=5, agent="left", action=action)
     order = ordered(vault, branch, number=None, out=str(tmp_path / "future"))
-    assert record_task(silent, **order) == {"error": None, "replays": True}
+    assert play_on_task(silent, kind="record", **order) == {"error": None, "replays": True}
     future, base = gk.load(tmp_path / "future"), gk.load(vault)
     assert base.header(1)["seed"] == future.header(0)["seed"]
     rows = [

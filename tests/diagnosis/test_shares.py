@@ -50,9 +50,9 @@ class Ending(Here):
 @pytest.fixture(autouse=True)
 def _nothing_is_kept() -> Iterator[None]:
     """What one test keeps open is no other's."""
-    arms._KEPT.close()
+    arms._close_kept()
     yield
-    arms._KEPT.close()
+    arms._close_kept()
 
 
 def test_one_set_up_is_kept_open_from_task_to_task() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
-from gamekeeper.diagnosis.trials import IdealSubstitute, joined, substitutes_of, weakened
+from gamekeeper.diagnosis.trials import IdealSubstitute, briefly, joined, substitutes_of, weakened
 from gamekeeper.errors import ContractError
 
 CONTRACT = Contract.parse(
@@ -102,6 +102,9 @@ def test_agents_of_one_object_have_its_handles_together() -> None:
     assert memory.name not in found["giving picker_0 the reference policy"].contains
     (everybody,) = (x for x in found.values() if x.component == "policy" and x.parts)
     assert memory.name in everybody.contains
+    assert everybody.name == "giving picker_0, picker_1 and carrier the reference policy"
+    singles = [x for x in found.values() if x.component == "policy" and not x.parts]
+    assert briefly([*singles, everybody, memory]) == [everybody.name, everybody.name, memory.name]
 
 
 def test_a_shorter_horizon_is_a_question_of_evaluation() -> None:

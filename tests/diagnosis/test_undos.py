@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.counterfactuals import _acted, _place
+from gamekeeper.diagnosis.counterfactuals import _acted, _action_text, _place
 from gamekeeper.diagnosis.experiment import Experiment
 from gamekeeper.diagnosis.judgement import _labels, is_any_exchange, is_any_scale
 from gamekeeper.diagnosis.played_setup import Setup
@@ -24,8 +24,7 @@ from gamekeeper.diagnosis.undo_candidates import (
     observation_undos,
     shift_undos,
 )
-from gamekeeper.diagnosis.undo_pairs import pairs_of
-from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
+from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries, pairs_of
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.outcome import Outcome, failures
@@ -227,6 +226,11 @@ def test_parts_of_a_dict_are_exchanged_as_wholes_and_pixels_need_bounds_of_pixel
     given = {"goal": np.float32([1, 2]), "place": np.float32([-1, 0]), "power": 1}
     (shown,), _ = passed(whole, space, Discrete(2), given)
     assert [shown[key].tolist() for key in ("goal", "place")] == [[-1, 0], [1, 2]]
+    unlike = acted_fields(MultiDiscrete([6, 3, 6]))  # neighbours whose bounds differ, with no turn
+    ways = [(undo.way, undo.places) for _, undo in observation_undos(("a",), unlike, frozenset())]
+    exchanged = [places for way, places in ways if way == "exchange fields"]
+    assert exchanged == [(0, 1), (0, 2), (1, 2)]
+    assert "turn fields" not in {way for way, _ in ways}
     factors = [
         {undo.amount for _, undo in observation_undos(("a",), acted_fields(box), frozenset())}
         for box in (two, Box(0.0, 1.0, (2,)), Box(0.0, 255.0, (2,)))
@@ -247,12 +251,19 @@ def test_constants_are_added_by_parts_of_the_recorded_span_and_have_no_label() -
     axes = acted_fields(Box(-1.0, 1.0, (1,)))
     tried = [undo for _, undo in shift_undos(("a",), fields, frozenset(), axes, own)]
     by_field = [[one.amount for one in tried if one.names == (each.name,)] for each in fields]
-    assert by_field == [[0.36, -0.36, 0.63, -0.63, 0.18, -0.18, 1.1, -1.1], [1, -1, 2, -2]]
-    assert len(tried) == 20
+    factors = [0.5, 2.0, 0.1, 10.0]
+    shifts = [0.36, -0.36, 0.63, -0.63, 0.18, -0.18, 1.1, -1.1]
+    assert by_field == [[*shifts, *factors], [1, -1, 2, -2]]
+    assert len(tried) == 24
     deaf = frozenset(each.name for each in fields)
     assert len(list(shift_undos(("a",), fields, deaf, axes, own))) == 8
-    (shown,), _ = passed(tried[8], space, Discrete(2), {"far": np.float32([4]), "near": 3})
+    (shown,), _ = passed(tried[12], space, Discrete(2), {"far": np.float32([4]), "near": 3})
     assert shown["near"] == 3
+    (shown,), _ = passed(tried[9], space, Discrete(2), {"far": np.float32([4]), "near": 3})
+    assert (shown["far"].item(), shown["near"]) == (8, 3)
+    assert str(tried[9]) == "multiplying field far of a's observation by 2"
+    assert undone(tried[9]).labels == ()
+    assert undone(tried[9]).shown == "a constant factor in what a observes, aims at or does"
     assert str(tried[0]) == "adding 0.36 to field far of a's observation"
     assert undone(tried[0]).labels == ()
     assert undone(tried[0]).shown == "a constant offset in what a observes, aims at or does"
@@ -362,8 +373,9 @@ def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() 
     assert found.agents["right_0"].answer == "elsewhere"
     assert (left.answer, left.labels) == ("isolated", ("perception",))
     assert "undone by mirroring field 0 of left_0's observation" in left.why
-    assert left.beside == ("giving left_0 the policy Walker",)
-    assert left.why.endswith("; so does giving left_0 the policy Walker")
+    peer = "giving left_0 right_0's policy"
+    assert left.beside == ("giving left_0 the policy Walker", peer)
+    assert "; so does giving left_0 the policy Walker" in left.why
     screen = diagnosis_screen(found.to_json(), width=100)
     assert "So does    giving left_0 the policy Walker" in screen
     assert found.responses["left_0"].lag == 0
@@ -430,12 +442,12 @@ def test_undos_that_do_the_same_cannot_be_told_apart() -> None:
     assert left.labels == ("perception", "control")
 
 
-def test_a_policy_that_nothing_outside_makes_up_for_is_named_by_its_peer_or_not_at_all() -> None:
-    """A named policy restores: the policy, and no label. Without one it stays unexplained."""
-    assert diagnosed("still", episodes=300).agents["left_0"].answer == "unexplained"
-    tried = diagnosed("still", episodes=300, replace={"left_0": Walker()}).agents["left_0"]
-    assert (tried.answer, tried.labels, tried.component) == ("isolated", (), "left_0's policy")
-    assert [each.kind for each in tried.tested if each.restores] == ["swap"]
+def test_a_policy_that_nothing_outside_makes_up_for_is_named_by_its_peer() -> None:
+    """That of the other agent, whose spaces are equal, restores: the policy, and no label."""
+    left = diagnosed("still", episodes=300).agents["left_0"]
+    assert (left.answer, left.labels, left.component) == ("isolated", (), "left_0's policy")
+    assert left.substitutes == ("giving left_0 right_0's policy",)
+    assert [each.kind for each in left.tested if each.restores] == ["swap"]
 
 
 def test_a_healthy_run_is_not_searched() -> None:
@@ -460,6 +472,7 @@ def test_counterfactuals_name_the_first_action_that_differs_the_concerned_agent_
         each.play.actions += ({"b": number},) * 8
     assert _acted((1, "b", "action"), (was, now), contract)["often"] == ["4", 0.8, 0.0]
     assert _acted((0, "a", "obs"), (was, now), contract) == {}
+    assert _action_text(np.array([0.567, -1e-9], np.float32), ()) == "[0.567, 0.0]"
     assert _place(found, was, now, ("b",)) == (1, "b", "action")
     assert _place(found, was, was, ("b",)) == (0, "a", "obs")
 

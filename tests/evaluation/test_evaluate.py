@@ -288,7 +288,7 @@ def test_evaluate_keeps_evidence_that_replays(tmp_path: Path) -> None:
 
 def test_evaluate_says_what_it_needs() -> None:
     """Nobody to evaluate; arguments beside a specification."""
-    with pytest.raises(SpecError, match="nobody is to be evaluated"):
+    with pytest.raises(SpecError, match="no policy is named to be evaluated"):
         evaluate("two_robot_line")
     with pytest.raises(SpecError, match="says what its environments are given"):
         evaluate("gk-tasks-1", env_kwargs={"n": 3})

@@ -40,8 +40,7 @@ class GoesOnAlone(Rovers):
         return out
 
 
-# Where the horizon truncates the others in the same step, the roster is emptied over it.
-@faulty("GK501", also=("GK502",))
+@faulty("GK501")
 class SilentLeave(Rovers):
     """A rover with an empty battery is taken out of `agents`, and neither flag says so.
 

@@ -45,6 +45,9 @@ def test_measured_stands_beside_declared() -> None:
     assert rows["reward"].endswith("sample (individual)")
     assert "Which API fits this game\n  Parallel (ParallelEnv) fits: in 518 ticks" in text
     assert "no difference seen in" in rows["order of actions matters"]
+    alone = measured_text(audit(measured=MEASURED), width=80)
+    assert alone.startswith("Measured (none of it is declared)\n  stages")
+    assert "not declared" not in alone
 
 
 def test_measured_values_are_sentences() -> None:

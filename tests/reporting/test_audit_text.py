@@ -153,8 +153,8 @@ def test_passed_checks_with_few_cases_say_what_they_could_miss() -> None:
         verdict("GK3", "passed", cases=400, could_miss=0.0075),
     )
     assert chances_text(document, width=120) == (
-        "2 checks passed at 4 places or fewer each, too few to be sure of a fault that shows at 1 "
-        "in 10 (--json: cases,\n  could_miss)"
+        "2 checks passed but looked at 4 places or fewer each, and may have missed a fault that "
+        "shows at 1 place in 10 (--json:\n  cases, could_miss)"
     )
 
 

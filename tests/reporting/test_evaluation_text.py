@@ -119,6 +119,9 @@ def test_evaluation_text_shows_a_figure_without_interval_alone() -> None:
     text = evaluation_text(document(results=[row(mean=mean)], refused=refused), width=80)
     assert "1.235" in text
     assert "Refused claims\n  interval of the mean: too few episodes" in text
+    refused.append({"what": "interval of the median", "why": "too few episodes"})
+    text = evaluation_text(document(results=[row(mean=mean)], refused=refused), width=80)
+    assert "claims\n  too few episodes\n    - interval of the mean\n    - interval of the m" in text
 
 
 def test_evaluation_text_shows_methods_over_their_runs_and_lists_these() -> None:

@@ -43,7 +43,7 @@ def test_warm_worker_tells_how_a_fork_ended(worker: WarmWorker) -> None:
     silent = worker.run(f"{TASKS}wait_for_ever", {}, silence_s=0.5)
     assert (silent.status, silent.error) == ("hung", "no sign of life for 0.5 s")
     late = worker.run(f"{TASKS}spin_for_ever", {}, limit_s=1.0)
-    assert (late.status, late.error) == ("hung", "not done in time")
+    assert (late.status, late.error) == ("hung", "not done after 1 s")
     assert worker.run(f"{TASKS}count_calls", {}).value == 1
 
 

@@ -4,8 +4,8 @@ import re
 
 from tests.surface.sources import ROOT
 
-MOST_WORDS = 60_500
-"""The aim is 60,000: lower it with what is cut."""
+MOST_WORDS = 58_500
+"""Lowered with what is cut."""
 PRINTED = re.compile(
     r"<!-- (written by|printed by)|^Tables that scripts print|^What scripts print|^Made by `python",
     re.M,

@@ -245,7 +245,7 @@ class MultiAgentEnv:
             action = int(actions[i])
             if not 0 <= action < self._actions or not self._available[i][action]:
                 raise ActionError(
-                    "an action isn't available",
+                    "an action isn't available: the agent's mask forbids it",
                     where=f"agent {agent!r}",
                     expected=f"one of {np.flatnonzero(self._available[i]).tolist()}",
                     actual=str(action),

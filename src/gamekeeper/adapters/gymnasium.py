@@ -10,14 +10,20 @@ import numpy as np
 from gymnasium import spaces
 
 from gamekeeper.adapters.requirements import require_policies
+from gamekeeper.episodes.exception_text import said_by
 from gamekeeper.errors import SpecError, check_choice
+from gamekeeper.interface.action_mask import Reader, reader
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy
+from gamekeeper.interface.legality import forbidden
 from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.slim import slim
 from gamekeeper.runs.recording import cast_of
 from gamekeeper.vector.vector_factory import make
 
+FIX_OF_MASKED: Final = (
+    "an algorithm that reads masks (they stand in infos or observations): plain DQN and PPO don't"
+)
 EPISODES: Final = 100
 """Episodes that an agent has to come into the game, until it is taken for one that never does."""
 
@@ -56,7 +62,8 @@ def single_agent(
             )
         declared = declared_contract(None, opened)
         require_policies([other for other in agents if other != agent], others, declared)
-        return AgentEnv(opened, agent, cast_of(others, opened.env, declared))
+        mask = reader(None if declared is None else declared.mask_of(agent))
+        return AgentEnv(opened, agent, cast_of(others, opened.env, declared), mask)
     except BaseException:
         opened.env.close()
         raise
@@ -70,7 +77,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         env: the multi-agent environment.
     """
 
-    def __init__(self, opened: Opened, agent: Any, policies: JointPolicy) -> None:
+    def __init__(self, opened: Opened, agent: Any, policies: JointPolicy, mask: Reader) -> None:
         self.env: Any = slim(opened.env)
         self.agent = agent
         self.metadata = dict(getattr(opened.env, "metadata", None) or {})
@@ -78,6 +85,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self.env.observation_space(agent)
         self.action_space = self.env.action_space(agent)
         self._policies, self._is_aec = policies, opened.api == "aec"
+        self._mask, self._seen = mask, (None, None)  # the last observation and info
         self._seed, self._episode = 0, -1
         self._given: tuple[Any, Any] = ({}, {})
 
@@ -99,6 +107,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
             self._given = self.env.reset(seed=seed, **more) or ({}, {})
             first = self._first_turn() if self._is_aec else self._first_tick()
             if first is not None:
+                self._seen = first
                 return first[0], dict(first[1] or {})
             seed = None
         raise SpecError(
@@ -110,13 +119,25 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         )
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Takes the agent's action, and plays on until it decides again."""
-        if self._is_aec:
-            self.env.step(action)
-            out = self._turns()
-        else:
-            out = self._tick(action)
-        observation, reward, terminated, truncated, info = out
+        """Takes the agent's action, and plays on until it decides again.
+
+        Raises:
+            ActionError: the environment raised after the agent did what its mask forbids.
+        """
+        try:
+            if self._is_aec:
+                self.env.step(action)
+            observation, reward, terminated, truncated, info = (
+                self._turns() if self._is_aec else self._tick(action)
+            )
+        except Exception as error:
+            space, mask = self.action_space, self._mask(*self._seen)
+            then = f"the environment raised {said_by(error)}"
+            masked = forbidden(self.agent, action, space, mask, then=then, fix=FIX_OF_MASKED)
+            if masked is None:
+                raise
+            raise masked from error
+        self._seen = observation, info
         return observation, float(reward), bool(terminated), bool(truncated), dict(info or {})
 
     def render(self) -> Any:

@@ -390,6 +390,26 @@ def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return _with_outputs(make, changed)
 
 
+def missing_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Gives each agent in the game the entries of rewards, flags and infos that it lacks."""
+    names = "rewards", "terminations", "truncations", "infos", "_cumulative_rewards"
+    values: Any = 0.0, False, False, {}, 0.0
+
+    def changed(env: Any, out: Any, before: Any) -> Any:
+        if isinstance(out, tuple) and len(out) == 5:
+            books = list(out[1:])
+        elif hasattr(type(env), "agent_iter"):
+            books = [env.__dict__.setdefault(name, {}) for name in names]
+        else:
+            books = []
+        for book, value in zip(books, values, strict=False):
+            for agent in env.agents:
+                book.setdefault(agent, copy.copy(value))
+        return out
+
+    return _with_outputs(make, changed)
+
+
 def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Hands actions over in the order of possible_agents."""
 
@@ -528,6 +548,9 @@ HOLDS: Final = {
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
     "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
+    "GK107": Hold(
+        "entries that agents in the game lack added", missing_held, ("GK221", "GK403", "GK527")
+    ),
     "GK106": Hold(
         "entries of agents that aren't in the game deleted",
         entries_held,

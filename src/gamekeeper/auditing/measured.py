@@ -31,8 +31,8 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "order": "no round had two agents, or it isn't known whether moves are made together",
     "observe": "too few comparisons of what later agents of a round observe, or no observation of "
     "the step that makes a move shows it",
-    "conflicts": "too few moves changed another agent's reward of the tick and the reverse, which "
-    "tells a joint rule from a fixed order of names, or draws blur it",
+    "conflicts": "too few moves of one tick changed each other's rewards to tell a joint rule from "
+    "a fixed order of names, or random draws hide it",
     "legality": "too few comparisons of masks of other agents",
     "messages": "too few comparisons of what replaced moves change",
     "deterministic": "no episode was played again, or a used instance plays another one than a new "

@@ -4,8 +4,6 @@ A module without an underscore is a command: its `command` function takes a `Scr
 options that its signature declares, and returns an `Answer`; its docstring is the help text.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Documents of commands, stored among the annotations of the run that they are about."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +28,6 @@ def annotated(screen: Screen, run: Path, kind: str, document: dict[str, Any]) ->
         if known[-1:] != [plain]:
             by = f"gamekeeper {COMMANDS[kind]} {__version__}"
             annotate(run, {"kind": kind, "by": by, "document": plain})
-            screen.note("saved with the run, whose report shows it")
+            screen.note("saved with the run; gamekeeper report shows it")
     except RunError as error:  # a run that can't be written is answered about all the same
         screen.note(f"not stored in the run's annotations: {error.what}")

@@ -1,8 +1,5 @@
 """Frame around every command: its common options, its outputs, its exit code."""
 
-from __future__ import annotations
-
-import copy
 import errno
 import importlib
 import inspect
@@ -15,13 +12,13 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import ModuleType
-from typing import Annotated, Any, Final, get_args
+from typing import Any, Final
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from gamekeeper._version import __version__
-from gamekeeper.cli._options import JsonOption, PolicyOption, QuietOption, SeedOption, WorkersOption
+from gamekeeper.cli._options import annotations_of, hidden
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._stdout import claimed_stdout, open_standard_streams, silence
 from gamekeeper.errors import EnvError, GamekeeperError
@@ -52,13 +49,7 @@ TYPE: Final = re.compile(r" <(?:str|path|list\[\w+\])>$")
 
 OWN: Final = ("json", "quiet")
 """Options that the frame itself handles."""
-COMMON: Final[Mapping[str, tuple[Any, Any]]] = {
-    "json": (JsonOption, False),
-    "quiet": (QuietOption, False),
-    "seed": (SeedOption, 0),
-    "workers": (WorkersOption, 1),
-    "policy": (PolicyOption, None),
-}
+COMMON: Final = {"json": False, "quiet": False, "seed": 0, "workers": 1, "policy": None}
 """Options that every command takes, with their defaults; a note says where one has no effect."""
 
 
@@ -150,9 +141,11 @@ def commands() -> list[tuple[str, ModuleType]]:
 def framed(name: str, module: ModuleType) -> Callable[..., None]:
     """Wraps a command for typer: adds the common options, handles its outputs and errors."""
     command: Callable[..., CommandResult] = module.command
-    signature = inspect.signature(command, eval_str=True)
-    declared = list(signature.parameters.values())[1:]  # the first one is the screen
-    added = _added({parameter.name for parameter in declared})
+    known = annotations_of(command)
+    screen_, *own = inspect.signature(command).parameters.values()
+    del screen_
+    declared = [each.replace(annotation=known[each.name]) for each in own]
+    added = _added({each.name for each in own}, known)
 
     def run(**options: Any) -> None:
         own = {key: options.pop(key) for key in OWN}
@@ -170,27 +163,19 @@ def framed(name: str, module: ModuleType) -> Callable[..., None]:
     parameters = [*declared, *added]
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    run.__doc__ = inspect.getdoc(command)
+    run.__doc__ = (inspect.getdoc(command) or "").partition("\n\nArgs:\n")[0]
     return run
 
 
-def _added(declared: set[str]) -> list[inspect.Parameter]:
+def _added(declared: set[str], known: Mapping[str, Any]) -> list[inspect.Parameter]:
     """The common options that a command doesn't declare; those without effect are hidden."""
+    kind = inspect.Parameter.KEYWORD_ONLY
     added = []
-    for name, (annotation, default) in COMMON.items():
-        if name in declared:
-            continue
-        shown = annotation if name in OWN else _hidden(annotation)
-        kind = inspect.Parameter.KEYWORD_ONLY
-        added.append(inspect.Parameter(name, kind, default=default, annotation=shown))
+    for name, default in COMMON.items():
+        if name not in declared:
+            shown = known[name] if name in OWN else hidden(known[name])
+            added.append(inspect.Parameter(name, kind, default=default, annotation=shown))
     return added
-
-
-def _hidden(annotation: Any) -> Any:
-    kind, option = get_args(annotation)
-    option = copy.copy(option)
-    option.hidden = True
-    return Annotated[kind, option]
 
 
 def _performed(

@@ -14,10 +14,11 @@ from urllib.parse import quote
 
 from gamekeeper._version import __version__
 from gamekeeper.cli._screen import Screen, document_text
-from gamekeeper.cli._worker import MEGABYTE, WorkerFault, name_of
+from gamekeeper.cli._worker import MEGABYTE, name_of
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.rollouts.executors import executor_of
 from gamekeeper.rollouts.executors.task import Limits, WorkTask, stopped_after
+from gamekeeper.runs.worker_errors import WorkerFault
 
 if TYPE_CHECKING:
     from gamekeeper.auditing.result import AuditResult

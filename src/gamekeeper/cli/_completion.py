@@ -1,7 +1,5 @@
 """Words that a shell completes: environments, runs, policies, checks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from gamekeeper.cli._options import workers_option
 from gamekeeper.cli._screen import Screen
 from gamekeeper.cli._worker import MEGABYTE, Recorded
 from gamekeeper.rollouts.executors import executor_of
@@ -22,36 +19,6 @@ if TYPE_CHECKING:
     from gamekeeper.runs.parts.fan_out import FanOut
 
 LOCAL: Final = "local"
-
-FanOption: TypeAlias = Annotated[
-    int | None,
-    workers_option(
-        "Number of worker processes, each with an environment and policies of its own for its part "
-        "of the episodes; the result is the same for any number where neither keeps anything from "
-        "episode to episode (of environments: gamekeeper audit, GK604) (default: this process "
-        "plays all, or with --executor one per core)."
-    ),
-]
-ExecutorOption: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--executor",
-        metavar="NAME",
-        show_default=False,
-        help="Executor of the workers: local (processes of this machine), ray or ray:ADDRESS "
-        "(default: local).",
-    ),
-]
-StorageOption: TypeAlias = Annotated[
-    str | None,
-    typer.Option(
-        "--storage",
-        metavar="PLACE",
-        show_default=False,
-        help="Place of the workers' parts: a folder that all workers reach, or a URL such as "
-        "s3://... or gs://... (default: RUN-parts).",
-    ),
-]
 
 
 def is_fanned(workers: int | None, executor: str | None, storage: str | None) -> bool:

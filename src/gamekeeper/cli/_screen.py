@@ -1,7 +1,5 @@
 """Outputs of a command: its result to stdout, everything else to stderr."""
 
-from __future__ import annotations
-
 import json
 import os
 import pkgutil

@@ -1,7 +1,5 @@
 """The real stdout, reserved for results: other prints go to stderr meanwhile."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -16,23 +16,10 @@ from gamekeeper.import_guard import unguarded
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
 from gamekeeper.rollouts.workers import TaskOutcome, run_task
 from gamekeeper.runs.parts.part_plan import PLAN, parts_folder
-from gamekeeper.runs.worker_errors import WorkerFault, error_in
+from gamekeeper.runs.worker_errors import error_in
 
 if TYPE_CHECKING:
     from gamekeeper.episodes.evidence import Evidence
-
-__all__ = [
-    "MEGABYTE",
-    "Recorded",
-    "WorkerFault",
-    "error_in",
-    "evidence_folder",
-    "name_of",
-    "plan_of",
-    "record_in_worker",
-    "refuse_taken_folder",
-    "value_of_task",
-]
 
 RUNS: Final = Path("runs")
 """Folder of runs that are written without --out."""

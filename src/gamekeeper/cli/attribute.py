@@ -1,77 +1,36 @@
 """`gamekeeper attribute RUN`: contribution of each agent, and influence of agents on others."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Annotated, Final, Literal
-
-import typer
+from typing import Final, Literal
 
 from gamekeeper.cli import _options
 from gamekeeper.cli._annotated import annotated
-from gamekeeper.cli._fan import ExecutorOption, FanOption, players_of
+from gamekeeper.cli._fan import players_of
+from gamekeeper.cli._options import Number
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli.diagnose import beside
 
 ORDER: Final = 93
 ACTION_EPISODES: Final = 50
 """As `contributions.ACTION_EPISODES` has it; importing that loads numpy, help doesn't."""
-BaselineOption = Annotated[
-    Literal["noop", "random", "reference"],
-    typer.Option(
-        "--baseline",
-        help="Policy that takes an agent's place; noop becomes random where the contract "
-        "declares no noop.",
-    ),
-]
-FreshOption = Annotated[
-    int | None,
-    typer.Option(
-        "--episodes",
-        metavar="N",
-        min=0,
-        max=_options.MOST,
-        help="New episodes with agents replaced (default: 50; with fewer, no confidence "
-        "intervals).",
-    ),
-]
-ActionEpisodesOption = Annotated[
-    int,
-    typer.Option(
-        "--action-episodes",
-        metavar="N",
-        min=0,
-        max=_options.MOST,
-        help="Episodes that are played again with actions of one agent replaced, while the others "
-        "repeat theirs: recorded ones first, then new ones.",
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="FOLDER",
-        help="Folder of what was played; a second call continues there (default: RUN-attribution).",
-    ),
-]
 
 
 def command(
     screen: Screen,
-    run: _options.RunArgument,
-    baseline: BaselineOption = "noop",
-    episodes: FreshOption = None,
-    action_episodes: ActionEpisodesOption = ACTION_EPISODES,
-    budget: _options.StepsOption = None,
-    contract: _options.RunContractOption = None,
-    policy: _options.PolicyOption = None,
-    env: _options.ReopenOption = None,
-    seed: _options.SeedOption = 0,
-    workers: FanOption = None,
-    executor: ExecutorOption = None,
-    out: OutOption = None,
-    allow_import: _options.ImportOption = False,
-    timeout: _options.TimeoutOption = _options.SILENCE_S,
+    run: Path,
+    baseline: Literal["noop", "random", "reference"] = "noop",
+    episodes: Number | None = None,
+    action_episodes: Number = ACTION_EPISODES,
+    budget: int | None = None,
+    contract: Path | None = None,
+    policy: list[str] | None = None,
+    env: str | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    executor: str | None = None,
+    out: Path | None = None,
+    allow_import: bool = False,
+    timeout: float = _options.SILENCE_S,
 ) -> CommandResult:
     """Measures each agent's contribution: difference rewards, Shapley values, influence.
 
@@ -81,6 +40,16 @@ def command(
     and messages on other agents, and penalties that another agent caused.
 
     Example: gamekeeper attribute runs/warehouse-1 --policy reference
+
+    Args:
+        baseline (--baseline): Policy that takes an agent's place; noop becomes random where the
+            contract declares no noop.
+        episodes (--episodes N): New episodes with agents replaced (default: 50; with fewer, no
+            confidence intervals).
+        action_episodes (--action-episodes N): Episodes that are played again with actions of one
+            agent replaced, while the others repeat theirs: recorded ones first, then new ones.
+        out (--out FOLDER): Folder of what was played; a second call continues there (default:
+            RUN-attribution).
     """
     from gamekeeper.diagnosis.attribution.contributions import attribute
     from gamekeeper.interface.policy import parse_choices

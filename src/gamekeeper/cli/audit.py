@@ -1,12 +1,8 @@
 """`gamekeeper audit ENV`: checks of an environment, each failure with a program that shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final
-
-import typer
 
 from gamekeeper.cli._audit import (
     Severity,
@@ -23,18 +19,7 @@ from gamekeeper.cli._audit import (
     write_audit,
     write_audits,
 )
-from gamekeeper.cli._completion import checks
-from gamekeeper.cli._fan import ExecutorOption
-from gamekeeper.cli._options import (
-    MOST,
-    ContractOption,
-    KwargsOption,
-    MemoryOption,
-    SeedOption,
-    TimeoutOption,
-    json_object,
-    workers_option,
-)
+from gamekeeper.cli._options import MOST, Accepted, CheckId, Count, Workers, json_object
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.import_guard import unguarded
 
@@ -44,111 +29,27 @@ BUDGET: Final = 20_000
 SILENCE_S: Final = 120.0
 INTERRUPTED: Final = 130
 
-EnvsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="ENV",
-        show_default=False,
-        help="Environment: warehouse, butterfly/pistonball-v6, path/to/file.py:factory or "
-        "mpe2.simple_spread_v3:parallel_env; or the folder of a run, which is judged as it was "
-        "recorded.",
-    ),
-]
-SeedsOption = Annotated[
-    int,
-    typer.Option(
-        "--seeds",
-        metavar="N",
-        min=1,
-        max=MOST,
-        help="Number of audits, each with its own seed: --seed and those after it.",
-    ),
-]
-BudgetOption = Annotated[
-    int,
-    typer.Option(
-        "--budget",
-        metavar="N",
-        min=1,
-        max=MOST,
-        help="Environment steps of the checks; on top, up to half as many (5,000 at most) measure "
-        "the game form, and a quarter shrinks findings.",
-    ),
-]
-QuickOption = Annotated[
-    bool, typer.Option("--quick", help="Set the budget to 3,000 steps, which miss rare faults.")
-]
-SecondsOption = Annotated[
-    float | None,
-    typer.Option(
-        "--seconds",
-        metavar="S",
-        min=1.0,
-        max=MOST,
-        help="Time after which the audit ends with what it knows by then, in seconds "
-        "(default: no limit).",
-    ),
-]
-SelectOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--select",
-        metavar="ID",
-        autocompletion=checks,
-        help="Run only checks whose ids begin with ID. Repeatable (default: all checks).",
-    ),
-]
-IgnoreOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--ignore",
-        metavar="ID",
-        autocompletion=checks,
-        help="Skip checks whose ids begin with ID. Repeatable (default: none).",
-    ),
-]
-StrictOption = Annotated[
-    bool,
-    typer.Option("--strict", help="Exit with 2 if a check was not exercised, or is suspected."),
-]
-FailOption = Annotated[
-    Severity, typer.Option("--fail-on", help="Lowest severity of a failed check that exits with 1.")
-]
-AuditsOption = Annotated[
-    int | None,
-    workers_option("Number of worker processes for several audits (default: one per core)."),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="FOLDER",
-        help="Folder for audit.json, junit.xml, audit.sarif and a program for each finding "
-        "(default: no files).",
-    ),
-]
-
 
 @unguarded()  # the user names what is run
 def command(
     screen: Screen,
-    env: EnvsArgument,
-    contract: ContractOption = None,
-    budget: BudgetOption = BUDGET,
-    quick: QuickOption = False,
-    seconds: SecondsOption = None,
-    seed: SeedOption = 0,
-    seeds: SeedsOption = 1,
-    select: SelectOption = None,
-    ignore: IgnoreOption = None,
-    kwargs: KwargsOption = None,
-    out: OutOption = None,
-    strict: StrictOption = False,
-    fail_on: FailOption = "low",
-    timeout: TimeoutOption = SILENCE_S,
-    memory: MemoryOption = None,
-    workers: AuditsOption = None,
-    executor: ExecutorOption = None,
+    env: list[str],
+    contract: Path | None = None,
+    budget: int = BUDGET,
+    quick: bool = False,
+    seconds: Annotated[float, Accepted(1.0, MOST)] | None = None,
+    seed: int = 0,
+    seeds: Count = 1,
+    select: list[CheckId] | None = None,
+    ignore: list[CheckId] | None = None,
+    kwargs: str | None = None,
+    out: Path | None = None,
+    strict: bool = False,
+    fail_on: Severity = "low",
+    timeout: float = SILENCE_S,
+    memory: int | None = None,
+    workers: Workers | None = None,
+    executor: str | None = None,
 ) -> CommandResult:
     """Checks an environment against PettingZoo's rules and its contract.
 
@@ -161,6 +62,23 @@ def command(
     Exit code 0: no check failed. 1: a check failed. 2: the audit has no answer.
 
     Example: gamekeeper audit path/to/my_env.py:make --quick
+
+    Args:
+        env (ENV): Environment: warehouse, butterfly/pistonball-v6, path/to/file.py:factory or
+            mpe2.simple_spread_v3:parallel_env; or the folder of a run, which is judged as it was
+            recorded.
+        seconds (--seconds S): Time after which the audit ends with what it knows by then, in
+            seconds (default: no limit).
+        seeds (--seeds N): Number of audits, each with its own seed: --seed and those after it.
+        select (--select ID): Run only checks whose ids begin with ID. Repeatable (default: all
+            checks).
+        ignore (--ignore ID): Skip checks whose ids begin with ID. Repeatable (default: none).
+        out (--out FOLDER): Folder for audit.json, junit.xml, audit.sarif and a program for each
+            finding (default: no files).
+        strict (--strict): Exit with 2 if a check was not exercised, or is suspected.
+        fail_on (--fail-on): Lowest severity of a failed check that exits with 1.
+        workers (--workers N): Number of worker processes for several audits (default: one per
+            core).
     """
     asked: dict[str, Any] = {
         "contract": None if contract is None else str(contract),

@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from gamekeeper.cli._options import SILENCE_S, RunArgument, TimeoutOption
+from gamekeeper.cli._options import SILENCE_S
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
@@ -23,77 +21,19 @@ BUDGET: Final = 3_000
 LONGEST_S: Final = 3_600.0
 """Longest time of one version's replay or audit, in seconds."""
 
-RepoOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--repo",
-        metavar="DIR",
-        help="Git repository of the environment, which is only read (default: none; this or "
-        "--package is required).",
-    ),
-]
-PackageOption = Annotated[
-    str | None,
-    typer.Option(
-        "--package",
-        metavar="NAME",
-        help="Installed package whose versions are tried, as pip lists them (default: none; "
-        "this or --repo is required).",
-    ),
-]
-VersionsOption = Annotated[
-    str | None,
-    typer.Option(
-        "--versions",
-        metavar="LIST",
-        help="With --package: these versions, the oldest first, as in 2.0.0,2.1.3 (default: all "
-        "that pip can install here, from --from to --to).",
-    ),
-]
-SinceOption = Annotated[
-    str | None,
-    typer.Option(
-        "--from",
-        metavar="A",
-        help="Commit or version at which it is still the same (default: before all).",
-    ),
-]
-UntilOption = Annotated[
-    str | None,
-    typer.Option("--to", metavar="B", help="Last commit or version (default: HEAD; the newest)."),
-]
-EnvOption = Annotated[
-    str | None,
-    typer.Option(
-        "--env",
-        metavar="ENV",
-        help="Environment as it lies in the repository: path/in/repo.py:factory or "
-        "module:factory (default: the run's).",
-    ),
-]
-CheckOption = Annotated[
-    str | None,
-    typer.Option(
-        "--check",
-        metavar="ID",
-        help="Look for where the audit first fails this check (default: where the replay first "
-        "diverges).",
-    ),
-]
-
 
 @unguarded()  # the user names the repository whose code runs
 def command(
     screen: Screen,
-    run: RunArgument,
-    repo: RepoOption = None,
-    package: PackageOption = None,
-    versions: VersionsOption = None,
-    since: SinceOption = None,
-    until: UntilOption = None,
-    env: EnvOption = None,
-    check: CheckOption = None,
-    timeout: TimeoutOption = SILENCE_S,
+    run: Path,
+    repo: Path | None = None,
+    package: str | None = None,
+    versions: str | None = None,
+    since: str | None = None,
+    until: str | None = None,
+    env: str | None = None,
+    check: str | None = None,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Finds the commit, or a package's version, at which a run first replays otherwise.
 
@@ -105,6 +45,20 @@ def command(
     Exit code 0: the last one is still the same. 1: one was found. 2: no answer.
 
     Example: gamekeeper bisect runs/mine --repo . --from v1.0
+
+    Args:
+        repo (--repo DIR): Git repository of the environment, which is only read (default: none;
+            this or --package is required).
+        package (--package NAME): Installed package whose versions are tried, as pip lists them
+            (default: none; this or --repo is required).
+        versions (--versions LIST): With --package: these versions, the oldest first, as in
+            2.0.0,2.1.3 (default: all that pip can install here, from --from to --to).
+        since (--from A): Commit or version at which it is still the same (default: before all).
+        until (--to B): Last commit or version (default: HEAD; the newest).
+        env (--env ENV): Environment as it lies in the repository: path/in/repo.py:factory or
+            module:factory (default: the run's).
+        check (--check ID): Look for where the audit first fails this check (default: where the
+            replay first diverges).
     """
     from gamekeeper.runs.bisection import first_that_differs
     from gamekeeper.runs.load_run import load

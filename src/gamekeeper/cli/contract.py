@@ -1,26 +1,13 @@
 """`gamekeeper contract ENV`: the game form as a card, and declarations that are missing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
-
-import typer
+from typing import Any, Final, Literal
 
 from gamekeeper.cli._audit import audit_with_progress
 from gamekeeper.cli._form import GameForm, look_at
-from gamekeeper.cli._options import (
-    SILENCE_S,
-    ContractOption,
-    EnvArgument,
-    KwargsOption,
-    OutFileOption,
-    SeedOption,
-    TimeoutOption,
-    json_object,
-)
+from gamekeeper.cli._options import SILENCE_S, json_object
 from gamekeeper.cli._screen import CommandResult, Screen, document_text
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
@@ -28,43 +15,19 @@ from gamekeeper.import_guard import unguarded
 ORDER: Final = 20
 SUFFIXES: Final = {".toml": "toml", ".json": "json", ".txt": "text"}
 
-FormatOption = Annotated[
-    Literal["text", "toml", "json"] | None,
-    typer.Option(
-        "--format", help="Format (default: by the suffix of --out, or text).", show_default=False
-    ),
-]
-MeasureOption = Annotated[
-    bool,
-    typer.Option(
-        "--measure",
-        help="Play the environment (some 20,000 env steps), and propose answers from what it does.",
-    ),
-]
-
-
-DraftOption = Annotated[
-    bool,
-    typer.Option(
-        "--draft",
-        help="Write a contract to begin with: few questions, usual values declared, others "
-        "measured by playing (some 20,000 env steps).",
-    ),
-]
-
 
 @unguarded()  # the user names what is run
 def command(
     screen: Screen,
-    env: EnvArgument,
-    format: FormatOption = None,
-    out: OutFileOption = None,
-    contract: ContractOption = None,
-    kwargs: KwargsOption = None,
-    measure: MeasureOption = False,
-    draft: DraftOption = False,
-    seed: SeedOption = 0,
-    timeout: TimeoutOption = SILENCE_S,
+    env: str,
+    format: Literal["text", "toml", "json"] | None = None,
+    out: Path | None = None,
+    contract: Path | None = None,
+    kwargs: str | None = None,
+    measure: bool = False,
+    draft: bool = False,
+    seed: int = 0,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Shows the game form of an environment, and asks for missing declarations.
 
@@ -75,6 +38,14 @@ def command(
     question that is left why it matters.
 
     Example: gamekeeper contract path/to/my_env.py:make --out path/to/my_env.toml
+
+    Args:
+        format (--format): Format (default: by the suffix of --out, or text).
+        out (--out FILE): File to write (default: stdout).
+        measure (--measure): Play the environment (some 20,000 env steps), and propose answers from
+            what it does.
+        draft (--draft): Write a contract to begin with: few questions, usual values declared,
+            others measured by playing (some 20,000 env steps).
     """
     env_kwargs = json_object(kwargs, option="--kwargs")
     form = look_at(env, env_kwargs=env_kwargs, contract=contract, silence_s=timeout)

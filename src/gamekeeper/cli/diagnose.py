@@ -6,22 +6,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
-
 from gamekeeper._version import __version__
-from gamekeeper.cli._fan import ExecutorOption, players_of
-from gamekeeper.cli._options import (
-    MOST,
-    MOST_WORKERS,
-    SILENCE_S,
-    ImportOption,
-    PolicyOption,
-    ReopenOption,
-    RunArgument,
-    SeedOption,
-    StepsOption,
-    TimeoutOption,
-)
+from gamekeeper.cli._fan import players_of
+from gamekeeper.cli._options import MOST, SILENCE_S, Accepted, Number
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 
@@ -34,149 +21,30 @@ EXPECTED: Final = 0.9
 PART: Final = 0.7
 """Defaults of `gk.diagnose`; importing it loads numpy, help doesn't."""
 
-TryOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--try",
-        metavar="AGENT=POLICY",
-        help="Policy that is tried in an agent's place, such as a checkpoint that worked, in the "
-        "forms of --policy. Repeatable (default: the reference policy, if there is one, and those "
-        "of others of its role).",
-    ),
-]
-GoodOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--good",
-        metavar="RUN",
-        help="Run that worked: lists what differs, and finds the least set of differences that "
-        "explains why RUN is worse (default: none).",
-    ),
-]
-FailedOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--failed",
-        metavar="CONDITION",
-        help="""Condition of a failed episode, such as "return < 0.5" (return: the sum of all """
-        """agents') or "picker_0.return < 0" (default: [failure] of the contract).""",
-    ),
-]
-ContractOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--contract",
-        metavar="FILE",
-        help="Contract of the environment (default: the one that was recorded).",
-    ),
-]
-ExpectedOption = Annotated[
-    float,
-    typer.Option(
-        "--expected",
-        metavar="SHARE",
-        min=0.01,
-        max=1.0,
-        help="Share of episodes that succeed where nothing is wrong, from 0 to 1.",
-    ),
-]
-PartOption = Annotated[
-    float,
-    typer.Option(
-        "--part",
-        metavar="SHARE",
-        min=0.01,
-        max=1.0,
-        help="Share of the gap to --expected that an ideal substitute must close to count as a "
-        "cause, from 0 to 1.",
-    ),
-]
-EpisodesOption = Annotated[
-    int,
-    typer.Option(
-        "--episodes", metavar="N", min=100, max=MOST, help="Most episodes that are played."
-    ),
-]
-PerturbationsOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--perturbations/--no-perturbations",
-        show_default=False,
-        help="Play perturbations, which make one thing worse (default: if the run fails).",
-    ),
-]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option(
-        "--workers",
-        metavar="N",
-        min=0,
-        max=MOST_WORKERS,
-        help="Number of worker processes; 0 plays in this process (default: one per core).",
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="FOLDER",
-        help="Folder of the episodes and counterfactuals; a second call continues there "
-        "(default: RUN-diagnosis, with --good RUN-compared).",
-    ),
-]
-CaseOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--save-case",
-        metavar="FILE",
-        help="Write a pytest case that plays the failure and its ideal substitute (default: no "
-        "case).",
-    ),
-]
-AllOption = Annotated[
-    bool,
-    typer.Option(
-        "--all",
-        help="Print everything that was played, what wasn't and why (default: the answer on one "
-        "screen).",
-    ),
-]
-ShrinkOption = Annotated[
-    int | None,
-    typer.Option(
-        "--shrink",
-        metavar="N",
-        min=0,
-        max=MOST,
-        help="Only shorten failing episode N to the fewest turns and actions that still fail "
-        "(default: diagnose the run).",
-    ),
-]
-
 
 def command(
     screen: Screen,
-    run: RunArgument,
-    good: GoodOption = None,
-    failed: FailedOption = None,
-    contract: ContractOption = None,
-    env: ReopenOption = None,
-    policy: PolicyOption = None,
-    try_: TryOption = None,
-    expected: ExpectedOption = EXPECTED,
-    part: PartOption = PART,
-    seed: SeedOption = 0,
-    episodes: EpisodesOption = EPISODES,
-    budget: StepsOption = None,
-    perturbations: PerturbationsOption = None,
-    workers: WorkersOption = None,
-    executor: ExecutorOption = None,
-    out: OutOption = None,
-    save_case: CaseOption = None,
-    shrink: ShrinkOption = None,
-    all_: AllOption = False,
-    allow_import: ImportOption = False,
-    timeout: TimeoutOption = SILENCE_S,
+    run: Path,
+    good: Path | None = None,
+    failed: list[str] | None = None,
+    contract: Path | None = None,
+    env: str | None = None,
+    policy: list[str] | None = None,
+    try_: list[str] | None = None,
+    expected: Annotated[float, Accepted(0.01, 1.0)] = EXPECTED,
+    part: Annotated[float, Accepted(0.01, 1.0)] = PART,
+    seed: int = 0,
+    episodes: Annotated[int, Accepted(100, MOST)] = EPISODES,
+    budget: int | None = None,
+    perturbations: bool | None = None,
+    workers: Annotated[int, Accepted(0, 4096)] | None = None,
+    executor: str | None = None,
+    out: Path | None = None,
+    save_case: Path | None = None,
+    shrink: Number | None = None,
+    all_: bool = False,
+    allow_import: bool = False,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Finds which agent, and which part of it, made a run fail.
 
@@ -190,6 +58,32 @@ def command(
     change of them shows a cause; the reason is printed.
 
     Example: gamekeeper diagnose runs/warehouse-1 --failed "return < 3"
+
+    Args:
+        good (--good RUN): Run that worked: lists what differs, and finds the least set of
+            differences that explains why RUN is worse (default: none).
+        contract (--contract FILE): Contract of the environment (default: the one that was
+            recorded).
+        try_ (--try AGENT=POLICY): Policy that is tried in an agent's place, such as a checkpoint
+            that worked, in the forms of --policy. Repeatable (default: the reference policy, if
+            there is one, and those of others of its role, or with its spaces).
+        expected (--expected SHARE): Share of episodes that succeed where nothing is wrong, from 0
+            to 1.
+        part (--part SHARE): Share of the gap to --expected that an ideal substitute must close to
+            count as a cause, from 0 to 1.
+        episodes (--episodes N): Most episodes that are played.
+        perturbations (--perturbations/--no-perturbations): Play perturbations, which make one thing
+            worse (default: if the run fails).
+        workers (--workers N): Number of worker processes; 0 plays in this process (default: one per
+            core).
+        out (--out FOLDER): Folder of the episodes and counterfactuals; a second call continues
+            there (default: RUN-diagnosis, with --good RUN-compared).
+        save_case (--save-case FILE): Write a pytest case that plays the failure and its ideal
+            substitute (default: no case).
+        shrink (--shrink N): Only shorten failing episode N to the fewest turns and actions that
+            still fail (default: diagnose the run).
+        all_ (--all): Print everything that was played, what wasn't and why (default: the answer on
+            one screen).
     """
     from gamekeeper.diagnosis.failure_causes import diagnose
     from gamekeeper.diagnosis.labels import propose

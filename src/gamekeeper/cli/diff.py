@@ -5,21 +5,13 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._audit import audit_with_progress
-from gamekeeper.cli._options import (
-    KwargsOption,
-    SeedOption,
-    TimeoutOption,
-    ToleranceOption,
-    json_object,
-)
+from gamekeeper.cli._options import json_object
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._worker import record_in_worker
-from gamekeeper.cli.audit import BUDGET, BudgetOption, QuickOption
+from gamekeeper.cli.audit import BUDGET
 from gamekeeper.import_guard import unguarded
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
 
@@ -155,24 +147,17 @@ NEXT: Final = (
 )
 SILENCE_S: Final = 120.0
 
-FirstArgument = Annotated[
-    str, typer.Argument(metavar="A", show_default=False, help="Run, or environment.")
-]
-SecondArgument = Annotated[
-    str, typer.Argument(metavar="B", show_default=False, help="Run or environment to compare with.")
-]
-
 
 def command(
     screen: Screen,
-    a: FirstArgument,
-    b: SecondArgument,
-    tolerance: ToleranceOption = None,
-    budget: BudgetOption = BUDGET,
-    quick: QuickOption = False,
-    seed: SeedOption = 0,
-    kwargs: KwargsOption = None,
-    timeout: TimeoutOption = SILENCE_S,
+    a: str,
+    b: str,
+    tolerance: float | None = None,
+    budget: int = BUDGET,
+    quick: bool = False,
+    seed: int = 0,
+    kwargs: str | None = None,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Shows the first place where two runs differ, or the changes between two environments.
 
@@ -184,6 +169,10 @@ def command(
     Exit code 0: the same. 1: different.
 
     Example: gamekeeper diff runs/warehouse-1 runs/warehouse-2
+
+    Args:
+        a (A): Run, or environment.
+        b (B): Run or environment to compare with.
     """
     if Path(a).is_dir() or Path(b).is_dir():
         return _diff_runs(screen, Path(a), Path(b), tolerance)

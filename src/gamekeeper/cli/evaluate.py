@@ -7,20 +7,10 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
-import typer
-
-from gamekeeper.cli._fan import LOCAL, ExecutorOption
-from gamekeeper.cli._options import (
-    MOST,
-    MOST_SEED,
-    SILENCE_S,
-    KwargsOption,
-    TimeoutOption,
-    json_object,
-    workers_option,
-)
+from gamekeeper.cli._fan import LOCAL
+from gamekeeper.cli._options import SILENCE_S, Count, Seed, Workers, json_object
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError, SpecError
 from gamekeeper.import_guard import unguarded
@@ -36,120 +26,26 @@ MOST_PLAYERS: Final = 12
 NAMED: Final = ":="
 """Text between the name under which policies are shown and the policies."""
 
-SpecArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="SPEC",
-        show_default=False,
-        help="Specification in TOML, a suite (gamekeeper list suites), or an environment together "
-        "with --policy.",
-    ),
-]
-PolicyOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--policy",
-        metavar="[NAME:=][AGENT|ROLE=]POLICY",
-        help="Policy to compare, shown in results as NAME; policies of one NAME play together. "
-        "Repeatable (required where SPEC is an environment).",
-    ),
-]
-EpisodesOption = Annotated[
-    int | None,
-    typer.Option(
-        "--episodes",
-        metavar="N",
-        min=1,
-        max=MOST,
-        help="Number of episodes that each policy plays; the interval of a mean asks for 95 "
-        "(default: as in SPEC, or 100).",
-    ),
-]
-SeedOption = Annotated[
-    int | None,
-    typer.Option(
-        "--seed",
-        metavar="N",
-        min=0,
-        max=MOST_SEED,
-        help="Seed of the evaluation (default: as in SPEC, or 0).",
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="FOLDER",
-        help="Folder of episodes and results; a second call continues there: it plays missing "
-        "episodes, and again those whose policy, environment or contract changed, and is refused "
-        "with another seed (default: runs/evaluation-NAME).",
-    ),
-]
-CrossplayOption = Annotated[
-    bool,
-    typer.Option("--crossplay", help="Play every policy in every position with every partner."),
-]
-RecordOption = Annotated[
-    Literal["digest", "full"] | None,
-    typer.Option(
-        "--record",
-        help="Record the episodes of each policy as a run, at this level (default: no runs).",
-    ),
-]
-WorkersOption = Annotated[
-    int | None, workers_option("Number of worker processes (default: one per core).")
-]
-StorageOption = Annotated[
-    str | None,
-    typer.Option(
-        "--storage",
-        metavar="PLACE",
-        help="Place of the episodes that workers play: a folder or URL (s3://...) that all of them "
-        "reach (default: --out).",
-    ),
-]
-ExportOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--marl-eval",
-        metavar="FILE",
-        help="Write the raw scores in marl-eval's layout (default: no such file).",
-    ),
-]
-PinOption = Annotated[
-    bool,
-    typer.Option(
-        "--pin", help="Only write the digests of the installed environments and policies into SPEC."
-    ),
-]
-UnpinnedOption = Annotated[
-    bool,
-    typer.Option("--unpinned", help="Continue where SPEC pins other digests; the results say so."),
-]
-StrictOption = Annotated[
-    bool, typer.Option("--strict", help="Exit with 2 if a confidence interval was refused.")
-]
-
 
 @unguarded()  # the user names what is run
 def command(
     screen: Screen,
-    spec: SpecArgument,
-    policy: PolicyOption = None,
-    episodes: EpisodesOption = None,
-    seed: SeedOption = None,
-    crossplay: CrossplayOption = False,
-    out: OutOption = None,
-    kwargs: KwargsOption = None,
-    record: RecordOption = None,
-    workers: WorkersOption = None,
-    executor: ExecutorOption = None,
-    storage: StorageOption = None,
-    marl_eval: ExportOption = None,
-    pin: PinOption = False,
-    unpinned: UnpinnedOption = False,
-    strict: StrictOption = False,
-    timeout: TimeoutOption = SILENCE_S,
+    spec: str,
+    policy: list[str] | None = None,
+    episodes: Count | None = None,
+    seed: Seed | None = None,
+    crossplay: bool = False,
+    out: Path | None = None,
+    kwargs: str | None = None,
+    record: Literal["digest", "full"] | None = None,
+    workers: Workers | None = None,
+    executor: str | None = None,
+    storage: str | None = None,
+    marl_eval: Path | None = None,
+    pin: bool = False,
+    unpinned: bool = False,
+    strict: bool = False,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Compares policies on the same seeds, with confidence intervals for team, role and agent.
 
@@ -162,6 +58,29 @@ def command(
     interval was refused.
 
     Example: gamekeeper evaluate warehouse --policy reference --policy random
+
+    Args:
+        spec (SPEC): Specification in TOML, a suite (gamekeeper list suites), or an environment
+            together with --policy.
+        policy (--policy [NAME:=][AGENT|ROLE=]POLICY): Policy to compare, shown in results as NAME;
+            policies of one NAME play together. Repeatable (required where SPEC is an environment).
+        episodes (--episodes N): Number of episodes that each policy plays; the interval of a mean
+            asks for 95 (default: as in SPEC, or 100).
+        seed (--seed N): Seed of the evaluation (default: as in SPEC, or 0).
+        crossplay (--crossplay): Play every policy in every position with every partner.
+        out (--out FOLDER): Folder of episodes and results; a second call continues there: it plays
+            missing episodes, and again those whose policy, environment or contract changed, and is
+            refused with another seed (default: runs/evaluation-NAME).
+        record (--record): Record the episodes of each policy as a run, at this level (default: no
+            runs).
+        workers (--workers N): Number of worker processes (default: one per core).
+        storage (--storage PLACE): Place of the episodes that workers play: a folder or URL
+            (s3://...) that all of them reach (default: --out).
+        marl_eval (--marl-eval FILE): Write the raw scores in marl-eval's layout (default: no such
+            file).
+        pin (--pin): Only write the digests of the installed environments and policies into SPEC.
+        unpinned (--unpinned): Continue where SPEC pins other digests; the results say so.
+        strict (--strict): Exit with 2 if a confidence interval was refused.
     """
     from gamekeeper.evaluation.evaluator import evaluate
     from gamekeeper.evaluation.suites import spec_of

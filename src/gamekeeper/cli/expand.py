@@ -1,35 +1,23 @@
 """`gamekeeper expand RUN OUT`: plays a small run again into full evidence."""
 
-from __future__ import annotations
+from pathlib import Path
+from typing import Final
 
-from typing import Annotated, Final
-
-import typer
-
-from gamekeeper.cli._options import (
-    SILENCE_S,
-    ImportOption,
-    ReopenOption,
-    RunArgument,
-    TimeoutOption,
-)
+from gamekeeper.cli._options import SILENCE_S
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli.rollout import show_recorded
 from gamekeeper.errors import DivergenceError
 
 ORDER: Final = 43
-OutArgument = Annotated[
-    str, typer.Argument(metavar="OUT", help="Folder of the full run; it must not exist yet.")
-]
 
 
 def command(
     screen: Screen,
-    run: RunArgument,
-    out: OutArgument,
-    env: ReopenOption = None,
-    allow_import: ImportOption = False,
-    timeout: TimeoutOption = SILENCE_S,
+    run: Path,
+    out: str,
+    env: str | None = None,
+    allow_import: bool = False,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Plays a run of level actions or digest again, and records it in full.
 
@@ -41,6 +29,9 @@ def command(
     Exit code 0: expanded. 1: it came out otherwise; nothing is left in OUT.
 
     Example: gamekeeper expand runs/small runs/full
+
+    Args:
+        out (OUT): Folder of the full run; it must not exist yet.
     """
     from gamekeeper.reporting.results_text import diverged_text
     from gamekeeper.runs.expanding import expand

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from gamekeeper.cli._completion import checks
+from gamekeeper.cli._options import CheckId
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
@@ -19,24 +17,17 @@ ORDER: Final = 16
 MOST_IN_FULL: Final = 3
 """Checks that one beginning of an id explains in full; more of them are listed."""
 
-IdsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="ID",
-        autocompletion=checks,
-        show_default=False,
-        help="Id of a check, such as GK402, or the beginning of several, such as GK4.",
-    ),
-]
-
 
 @unguarded()  # nothing of a run is looked at
-def command(screen: Screen, ids: IdsArgument) -> CommandResult:
+def command(screen: Screen, ids: list[CheckId]) -> CommandResult:
     """Explains checks: the promise, why it matters, a bad and a good example, the fix.
 
     Exit code 0: done. 2: there is no such check.
 
     Example: gamekeeper explain GK402
+
+    Args:
+        ids (ID): Id of a check, such as GK402, or the beginning of several, such as GK4.
     """
     from gamekeeper.checks.check import checks
     from gamekeeper.reporting.check_text import check_text, checks_text

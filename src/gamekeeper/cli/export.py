@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
@@ -20,50 +18,9 @@ GROUP: Final = "gamekeeper.exporters"
 PACKAGE: Final = "gamekeeper.adapters.exporters"
 RUN: Final = "run"
 
-SourceArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="RUN|FORM:DATA",
-        show_default=False,
-        help="Folder of a recorded run; or data of another form: minari:ID, minari:FOLDER.",
-    ),
-]
-ToOption = Annotated[
-    str,
-    typer.Option(
-        "--to",
-        metavar="FORM",
-        show_default=False,
-        help="Form to write: numpy, minari, rerun, one of an installed package, or run to make a "
-        "run of FORM:DATA (required).",
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="PATH",
-        help="File or folder to write (required; for minari the folder of its data sets, default: "
-        "the one that MINARI_DATASETS_PATH names).",
-    ),
-]
-AgentOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--agent",
-        metavar="AGENT",
-        help="Agent to export. Repeatable (default: all agents). With --to run, the name that the "
-        "data's only agent gets.",
-    ),
-]
-
 
 def command(
-    screen: Screen,
-    run: SourceArgument,
-    to: ToOption,
-    out: OutOption = None,
-    agent: AgentOption = None,
+    screen: Screen, run: str, to: str, out: Path | None = None, agent: list[str] | None = None
 ) -> CommandResult:
     """Exports a run as NumPy arrays, Minari data sets or a Rerun recording, or imports Minari's.
 
@@ -71,6 +28,16 @@ def command(
     earlier file is overwritten. `gamekeeper list exporters` names the forms.
 
     Example: gamekeeper export runs/warehouse-1 --to numpy --out warehouse.npz
+
+    Args:
+        run (RUN|FORM:DATA): Folder of a recorded run; or data of another form: minari:ID,
+            minari:FOLDER.
+        to (--to FORM): Form to write: numpy, minari, rerun, one of an installed package, or run to
+            make a run of FORM:DATA (required).
+        out (--out PATH): File or folder to write (required; for minari the folder of its data sets,
+            default: the one that MINARI_DATASETS_PATH names).
+        agent (--agent AGENT): Agent to export. Repeatable (default: all agents). With --to run, the
+            name that the data's only agent gets.
     """
     forms = found()
     source = _source(run, forms.found)

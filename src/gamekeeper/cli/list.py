@@ -6,9 +6,7 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
-
-import typer
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from gamekeeper import plugins
 from gamekeeper.cli._screen import CommandResult, Screen
@@ -28,25 +26,19 @@ Kind = Literal[
 ]
 Row = dict[str, Any]
 
-KindArgument = Annotated[
-    Kind | None,
-    typer.Argument(
-        metavar="KIND",
-        show_default=False,
-        help="Kind of names: checks, probes, envs, interventions, policies, openers, exporters or "
-        "suites; without it, all of them, and the number of checks.",
-    ),
-]
-
 
 @unguarded()  # nothing of a run is looked at
-def command(screen: Screen, kind: KindArgument = None) -> CommandResult:
+def command(screen: Screen, kind: Kind | None = None) -> CommandResult:
     """Lists checks, probes, environments, interventions, policies, exporters and suites.
 
     Built-in ones and those of installed packages; a plug-in that can't be loaded is named on
     stderr.
 
     Example: gamekeeper list envs
+
+    Args:
+        kind (KIND): Kind of names: checks, probes, envs, interventions, policies, openers,
+            exporters or suites; without it, all of them, and the number of checks.
     """
     kinds = LISTS if kind is None else {kind: LISTS[kind]}
     document: dict[str, Any] = {}

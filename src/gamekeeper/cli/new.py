@@ -6,11 +6,11 @@ import sys
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Final, Literal, TypeVar
 
 import typer
 
-from gamekeeper.cli._options import MOST
+from gamekeeper.cli._options import Count
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
@@ -22,122 +22,24 @@ if TYPE_CHECKING:
 ORDER: Final = 12
 T = TypeVar("T")
 
-NameArgument = Annotated[
-    str, typer.Argument(metavar="NAME", show_default=False, help="Name of the package: my_task.")
-]
-AgentsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--agents",
-        metavar="ROLE=N",
-        help="Role and number of its agents. Repeatable (default: robot=2).",
-    ),
-]
-StagesOption = Annotated[
-    str | None,
-    typer.Option(
-        "--stages",
-        metavar="TEXT",
-        help="Roles that act together or in turn: picker+carrier, or picker,carrier (default: "
-        "all together).",
-    ),
-]
-SeesOption = Annotated[
-    Literal["no", "yes"] | None,
-    typer.Option(
-        "--sees",
-        help="Agents observe others' actions of the same round before they act (default: no).",
-    ),
-]
-OrderOption = Annotated[
-    Literal["none", "fixed", "rotating", "state", "random"] | None,
-    typer.Option(
-        "--order",
-        help="Order of agents that act together; none: all at once (default: none, or fixed with "
-        "--sees yes).",
-    ),
-]
-ConflictsOption = Annotated[
-    Literal["joint rule", "priority", "random", "ordered"] | None,
-    typer.Option(
-        "--conflicts", help="Rule for actions that exclude each other (default: joint rule)."
-    ),
-]
-ObservesOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--observes",
-        metavar="[ROLE=]SPACE",
-        help="Observation space of a role. Repeatable (default: box:4).",
-    ),
-]
-ActsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--acts",
-        metavar="[ROLE=]SPACE",
-        help="Action space of a role: discrete:5, box:3x3, multidiscrete:3,2 or multibinary:4. "
-        "Repeatable (default: discrete:3).",
-    ),
-]
-RewardOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--reward",
-        metavar="TERM=KIND:EARNER:PAYEE",
-        help="Reward term: individual, shared or zero-sum; earner and payee are a role, all or "
-        "earner. Repeatable (default: goal=shared:all:all).",
-    ),
-]
-EndingOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--ending",
-        metavar="NAME=KIND:OWNER",
-        help="Ending beside the time limit: termination or truncation, of agent, all or a role. "
-        "Repeatable (default: done=termination:all).",
-    ),
-]
-HorizonOption = Annotated[
-    int | None,
-    typer.Option(
-        "--horizon",
-        metavar="N",
-        min=1,
-        max=MOST,
-        help="Length of an episode, in ticks (default: 100).",
-    ),
-]
-ApiOption = Annotated[
-    Literal["aec", "parallel"] | None,
-    typer.Option("--api", help="PettingZoo API of the task (default: the advised one)."),
-]
-FolderOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FOLDER", help="Folder to write, new or empty (default: ./NAME)."
-    ),
-]
-YesOption = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions; use the defaults.")]
-
 
 @unguarded()  # the user names what is run
 def command(
     screen: Screen,
-    name: NameArgument,
-    agents: AgentsOption = None,
-    stages: StagesOption = None,
-    sees: SeesOption = None,
-    order: OrderOption = None,
-    conflicts: ConflictsOption = None,
-    observes: ObservesOption = None,
-    acts: ActsOption = None,
-    reward: RewardOption = None,
-    ending: EndingOption = None,
-    horizon: HorizonOption = None,
-    api: ApiOption = None,
-    out: FolderOption = None,
-    yes: YesOption = False,
+    name: str,
+    agents: list[str] | None = None,
+    stages: str | None = None,
+    sees: Literal["no", "yes"] | None = None,
+    order: Literal["none", "fixed", "rotating", "state", "random"] | None = None,
+    conflicts: Literal["joint rule", "priority", "random", "ordered"] | None = None,
+    observes: list[str] | None = None,
+    acts: list[str] | None = None,
+    reward: list[str] | None = None,
+    ending: list[str] | None = None,
+    horizon: Count | None = None,
+    api: Literal["aec", "parallel"] | None = None,
+    out: Path | None = None,
+    yes: bool = False,
 ) -> CommandResult:
     """Writes a package with environment, contract, tests and CI; its tests pass at once.
 
@@ -146,6 +48,29 @@ def command(
     the defaults are used.
 
     Example: gamekeeper new my_task --agents picker=2 --agents carrier=1
+
+    Args:
+        name (NAME): Name of the package: my_task.
+        agents (--agents ROLE=N): Role and number of its agents. Repeatable (default: robot=2).
+        stages (--stages TEXT): Roles that act together or in turn: picker+carrier, or
+            picker,carrier (default: all together).
+        sees (--sees): Agents observe others' actions of the same round before they act (default:
+            no).
+        order (--order): Order of agents that act together; none: all at once (default: none, or
+            fixed with --sees yes).
+        conflicts (--conflicts): Rule for actions that exclude each other (default: joint rule).
+        observes (--observes [ROLE=]SPACE): Observation space of a role. Repeatable (default:
+            box:4).
+        acts (--acts [ROLE=]SPACE): Action space of a role: discrete:5, box:3x3, multidiscrete:3,2
+            or multibinary:4. Repeatable (default: discrete:3).
+        reward (--reward TERM=KIND:EARNER:PAYEE): Reward term: individual, shared or zero-sum;
+            earner and payee are a role, all or earner. Repeatable (default: goal=shared:all:all).
+        ending (--ending NAME=KIND:OWNER): Ending beside the time limit: termination or truncation,
+            of agent, all or a role. Repeatable (default: done=termination:all).
+        horizon (--horizon N): Length of an episode, in ticks (default: 100).
+        api (--api): PettingZoo API of the task (default: the advised one).
+        out (--out FOLDER): Folder to write, new or empty (default: ./NAME).
+        yes (--yes, -y): Ask no questions; use the defaults.
     """
     from gamekeeper.scaffold.interview import Answers, plan_of, usual
     from gamekeeper.scaffold.package_files import files_of

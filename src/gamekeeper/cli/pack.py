@@ -1,53 +1,19 @@
 """`gamekeeper pack RUN...`: runs, their source and figures in one file that others can check."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Annotated, Final
-
-import typer
+from typing import Final
 
 from gamekeeper.cli._screen import CommandResult, Screen
 
 ORDER: Final = 150
-RunsArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="RUN",
-        show_default=False,
-        help="Folders of recorded runs, and of evaluations (--record).",
-    ),
-]
-OutOption = Annotated[
-    Path, typer.Option("--out", metavar="FILE", help="File to write, such as claim.zip (required).")
-]
-WithOption = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--with",
-        metavar="PATH",
-        help="One more file or folder to pack: a checkpoint, an evaluation and its specification. "
-        "Repeatable (default: none).",
-    ),
-]
-SignOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--sign",
-        metavar="KEY",
-        help="SSH key, such as ~/.ssh/id_ed25519, that signs the claim into FILE.sig "
-        "(default: not signed).",
-        show_default=False,
-    ),
-]
 
 
 def command(
     screen: Screen,
-    runs: RunsArgument,
-    out: OutOption,
-    more: WithOption = None,
-    sign: SignOption = None,
+    runs: list[Path],
+    out: Path,
+    more: list[Path] | None = None,
+    sign: Path | None = None,
 ) -> CommandResult:
     """Packs runs into a claim that others can check: evidence, source, packages, figures.
 
@@ -56,15 +22,23 @@ def command(
     packed, and every number of its results.
 
     Example: gamekeeper pack runs/warehouse-1 --out claim.zip
+
+    Args:
+        runs (RUN): Folders of recorded runs, and of evaluations (--record).
+        out (--out FILE): File to write, such as claim.zip (required).
+        more (--with PATH): One more file or folder to pack: a checkpoint, an evaluation and its
+            specification. Repeatable (default: none).
+        sign (--sign KEY): SSH key, such as ~/.ssh/id_ed25519, that signs the claim into FILE.sig
+            (default: not signed).
     """
     from gamekeeper.evaluation.claim_pack import pack
 
     packed = pack(runs, out, files=more or (), sign=sign)
     screen.show(
-        f"{packed.path}: {len(packed.runs)} run{'s' * (len(packed.runs) != 1)}, "
+        f"{packed.claim}: {len(packed.runs)} run{'s' * (len(packed.runs) != 1)}, "
         f"{len(packed.source)} source files, {packed.size_bytes:,} bytes\ndigest {packed.digest}"
     )
     if packed.signature is not None:
         screen.show(f"signed: {packed.signature}")
-    screen.note(f"to check it: gamekeeper reproduce {packed.path}")
+    screen.note(f"to check it: gamekeeper reproduce {packed.claim}")
     return CommandResult(packed.to_json())

@@ -1,55 +1,30 @@
 """`gamekeeper pivots RUN`: the turns that lost failed episodes."""
 
-from __future__ import annotations
-
-from typing import Annotated, Final
-
-import typer
+from pathlib import Path
+from typing import Final
 
 from gamekeeper.cli._annotated import annotated
-from gamekeeper.cli._fan import FanOption
-from gamekeeper.cli._options import (
-    MOST,
-    ImportOption,
-    PolicyOption,
-    RunArgument,
-    RunContractOption,
-    SeedOption,
-    episode_option,
-)
+from gamekeeper.cli._options import Count, Number
 from gamekeeper.cli._screen import CommandResult, Screen
-from gamekeeper.cli.diagnose import FailedOption, only_condition
+from gamekeeper.cli.diagnose import only_condition
 from gamekeeper.cli.show import has_blocks
 
 ORDER: Final = 92
 BUDGET: Final = 100_000
 """As `pivots.BUDGET` has it; importing that loads numpy, help doesn't."""
-EpisodeOption = Annotated[
-    int | None, episode_option("Number of a failed episode (default: all of them).")
-]
-BudgetOption = Annotated[
-    int,
-    typer.Option(
-        "--budget",
-        metavar="STEPS",
-        min=1,
-        max=MOST,
-        help="Most env steps that are taken, shared equally by the episodes.",
-    ),
-]
 
 
 def command(
     screen: Screen,
-    run: RunArgument,
-    episode: EpisodeOption = None,
-    failed: FailedOption = None,
-    contract: RunContractOption = None,
-    policy: PolicyOption = None,
-    seed: SeedOption = 0,
-    budget: BudgetOption = BUDGET,
-    workers: FanOption = None,
-    allow_import: ImportOption = False,
+    run: Path,
+    episode: Number | None = None,
+    failed: list[str] | None = None,
+    contract: Path | None = None,
+    policy: list[str] | None = None,
+    seed: int = 0,
+    budget: Count = BUDGET,
+    workers: int | None = None,
+    allow_import: bool = False,
 ) -> CommandResult:
     """Finds the turn that lost a failed episode, and the agent whose action would have kept it.
 
@@ -60,6 +35,10 @@ def command(
     Exit code 0: a pivot was found in every episode, or no episode failed. 2: not in every episode.
 
     Example: gamekeeper pivots runs/warehouse-1 --episode 3
+
+    Args:
+        episode (--episode N): Number of a failed episode (default: all of them).
+        budget (--budget STEPS): Most env steps that are taken, shared equally by the episodes.
     """
     from gamekeeper.diagnosis.pivots import pivots
     from gamekeeper.interface.policy import parse_choices

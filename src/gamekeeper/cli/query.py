@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from gamekeeper.cli._options import MOST
+from gamekeeper.cli._options import Count
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 
@@ -19,35 +17,13 @@ ORDER: Final = 115
 SHOWN: Final = 40
 """Most rows that are shown by default."""
 
-WordsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="RUN|SQL",
-        show_default=False,
-        help="Folders of runs, folders of such folders, or patterns ('runs/*'); then the query, "
-        "or - to read it from stdin. Without a query, views and columns are listed.",
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FILE", help="File for all rows, .parquet or .csv (default: stdout)."
-    ),
-]
-RowsOption = Annotated[
-    int, typer.Option("--rows", metavar="N", min=1, max=MOST, help="Most rows that are shown.")
-]
-CheckOption = Annotated[
-    bool, typer.Option("--check", help="Compare every file with its checksum first.")
-]
-
 
 def command(
     screen: Screen,
-    words: WordsArgument,
-    out: OutOption = None,
-    rows: RowsOption = SHOWN,
-    check: CheckOption = False,
+    words: list[str],
+    out: Path | None = None,
+    rows: Count = SHOWN,
+    check: bool = False,
 ) -> CommandResult:
     """Queries one or thousands of runs with SQL, read-only.
 
@@ -57,6 +33,13 @@ def command(
     Needs gamekeeper[query].
 
     Example: gamekeeper query 'runs/*' 'select agent, avg(return) from returns group by agent'
+
+    Args:
+        words (RUN|SQL): Folders of runs, folders of such folders, or patterns ('runs/*'); then the
+            query, or - to read it from stdin. Without a query, views and columns are listed.
+        out (--out FILE): File for all rows, .parquet or .csv (default: stdout).
+        rows (--rows N): Most rows that are shown.
+        check (--check): Compare every file with its checksum first.
     """
     from gamekeeper.viewing.sql import Session
 

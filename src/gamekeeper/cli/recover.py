@@ -1,17 +1,15 @@
 """`gamekeeper recover RUN`: finalizes a run whose process was killed."""
 
-from __future__ import annotations
-
+from pathlib import Path
 from typing import Final
 
-from gamekeeper.cli._options import RunArgument
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli.rollout import show_recorded
 
 ORDER: Final = 70
 
 
-def command(screen: Screen, run: RunArgument) -> CommandResult:
+def command(screen: Screen, run: Path) -> CommandResult:
     """Finalizes a run whose process was killed.
 
     All turns up to the last complete one are kept. A run that is finalized already isn't changed.

@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Annotated, Final
-
-import typer
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 from gamekeeper.cli._audit import show_failed_rows
-from gamekeeper.cli._options import (
-    SILENCE_S,
-    ImportOption,
-    ReopenOption,
-    RunArgument,
-    TimeoutOption,
-    ToleranceOption,
-)
+from gamekeeper.cli._options import SILENCE_S
 from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
@@ -25,19 +17,15 @@ ORDER: Final = 40
 UNFINALIZED: Final = "missing, as the run was never finalized"
 SAME_VERSIONS: Final = "The versions are those of the recording."
 
-PoliciesOption = Annotated[
-    bool, typer.Option("--policies", help="Let the recorded policies choose again.")
-]
-
 
 def command(
     screen: Screen,
-    run: RunArgument,
-    tolerance: ToleranceOption = None,
-    policies: PoliciesOption = False,
-    env: ReopenOption = None,
-    allow_import: ImportOption = False,
-    timeout: TimeoutOption = SILENCE_S,
+    run: Path,
+    tolerance: float | None = None,
+    policies: bool = False,
+    env: str | None = None,
+    allow_import: bool = False,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Plays a run again, and shows the first divergence if there is one.
 
@@ -47,6 +35,9 @@ def command(
     Exit code 0: every value is the same. 1: it diverged. 2: no answer; the reason is printed.
 
     Example: gamekeeper replay runs/warehouse-1
+
+    Args:
+        policies (--policies): Let the recorded policies choose again.
     """
     from gamekeeper.runs.comparison import replay
     from gamekeeper.runs.load_run import load

@@ -1,13 +1,9 @@
 """`gamekeeper report RUN [RUN2 ...]`: one HTML page about a run, in one file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Final
 
-import typer
-
-from gamekeeper.cli._options import MOST
+from gamekeeper.cli._options import Accepted, Number
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli.view import has_display
 from gamekeeper.errors import GamekeeperError
@@ -18,105 +14,21 @@ FRAMES_MEGABYTES: Final = 8.0
 MEGABYTE: Final = 1_000_000
 """Defaults of `viewing.report_file`; importing that loads numpy, help doesn't."""
 
-RunsArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="RUN",
-        show_default=False,
-        help="Run that the page is about, and runs to compare it with.",
-    ),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", "-o", metavar="FILE", help="HTML file to write (default: ./report.html)."
-    ),
-]
-AuditOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--audit",
-        metavar="FILE",
-        help="Output of `gamekeeper audit ENV --json` (default: no audit on the page).",
-    ),
-]
-DiagnosisOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--diagnosis",
-        metavar="FILE",
-        help="Output of `gamekeeper diagnose RUN --json` (default: the run's own, if it has one).",
-    ),
-]
-AttributionOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--attribution",
-        metavar="FILE",
-        help="Output of `gamekeeper attribute RUN --json` (default: the run's own, if it has one).",
-    ),
-]
-PivotsOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--pivots",
-        metavar="FILE",
-        help="Output of `gamekeeper pivots RUN --json`, for the timeline (default: the run's own, "
-        "if it has one).",
-    ),
-]
-EvaluationOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--evaluation",
-        metavar="FILE",
-        help="Folder of `gamekeeper evaluate`, or its evaluation.json (default: no evaluation on "
-        "the page).",
-    ),
-]
-EpisodeOption = Annotated[
-    list[int] | None,
-    typer.Option(
-        "--episode",
-        metavar="N",
-        min=0,
-        max=MOST,
-        help="Episode that must be on the page. Repeatable (default: a selection).",
-    ),
-]
-BudgetOption = Annotated[
-    float,
-    typer.Option("--budget", metavar="MB", min=0.0, help="Size of all episodes together, in MB."),
-]
-FramesOption = Annotated[
-    float,
-    typer.Option("--frames-budget", metavar="MB", min=0.0, help="Size of recorded frames, in MB."),
-]
-TitleOption = Annotated[
-    str | None,
-    typer.Option(
-        "--title", metavar="TEXT", help="Title of the page (default: the name of the run)."
-    ),
-]
-OpenOption = Annotated[
-    bool, typer.Option("--open", help="Open the page in the browser, where there is a display.")
-]
-
 
 def command(
     screen: Screen,
-    runs: RunsArgument,
-    out: OutOption = None,
-    audit: AuditOption = None,
-    diagnosis: DiagnosisOption = None,
-    attribution: AttributionOption = None,
-    pivots: PivotsOption = None,
-    evaluation: EvaluationOption = None,
-    episode: EpisodeOption = None,
-    budget: BudgetOption = MEGABYTES,
-    frames_budget: FramesOption = FRAMES_MEGABYTES,
-    title: TitleOption = None,
-    opens: OpenOption = False,
+    runs: list[Path],
+    out: Path | None = None,
+    audit: Path | None = None,
+    diagnosis: Path | None = None,
+    attribution: Path | None = None,
+    pivots: Path | None = None,
+    evaluation: Path | None = None,
+    episode: list[Number] | None = None,
+    budget: Annotated[float, Accepted(0.0)] = MEGABYTES,
+    frames_budget: Annotated[float, Accepted(0.0)] = FRAMES_MEGABYTES,
+    title: str | None = None,
+    opens: bool = False,
 ) -> CommandResult:
     """Writes a report as one HTML file: game form, checks, agents, player, causes, provenance.
 
@@ -125,6 +37,25 @@ def command(
     it.
 
     Example: gamekeeper report runs/warehouse-1 --out warehouse.html
+
+    Args:
+        runs (RUN): Run that the page is about, and runs to compare it with.
+        out (--out, -o FILE): HTML file to write (default: ./report.html).
+        audit (--audit FILE): Output of `gamekeeper audit ENV --json` (default: no audit on the
+            page).
+        diagnosis (--diagnosis FILE): Output of `gamekeeper diagnose RUN --json` (default: the run's
+            own, if it has one).
+        attribution (--attribution FILE): Output of `gamekeeper attribute RUN --json` (default: the
+            run's own, if it has one).
+        pivots (--pivots FILE): Output of `gamekeeper pivots RUN --json`, for the timeline (default:
+            the run's own, if it has one).
+        evaluation (--evaluation FILE): Folder of `gamekeeper evaluate`, or its evaluation.json
+            (default: no evaluation on the page).
+        episode (--episode N): Episode that must be on the page. Repeatable (default: a selection).
+        budget (--budget MB): Size of all episodes together, in MB.
+        frames_budget (--frames-budget MB): Size of recorded frames, in MB.
+        title (--title TEXT): Title of the page (default: the name of the run).
+        opens (--open): Open the page in the browser, where there is a display.
     """
     from gamekeeper.viewing.report_file import report
 

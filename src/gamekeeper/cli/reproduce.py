@@ -6,11 +6,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from gamekeeper.cli._options import SILENCE_S, ImportOption, ReopenOption, TimeoutOption
+from gamekeeper.cli._options import SILENCE_S
 from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
@@ -26,39 +24,15 @@ MOST_NAMED: Final = 8
 MARKS: Final = {True: "✓", False: "✗", None: "?"}
 CODES: Final = {True: 0, False: 1, None: 2}
 
-ClaimArgument = Annotated[
-    Path,
-    typer.Argument(metavar="CLAIM", show_default=False, help="File that gamekeeper pack wrote."),
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="FOLDER",
-        help="New folder to unpack it into (default: a temporary one).",
-        show_default=False,
-    ),
-]
-SignersOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--signers",
-        metavar="FILE",
-        help="Allowed signers, a name and a public SSH key on each line; CLAIM.sig has to be by "
-        "one of them (default: signatures aren't looked at).",
-        show_default=False,
-    ),
-]
-
 
 def command(
     screen: Screen,
-    claim: ClaimArgument,
-    out: OutOption = None,
-    env: ReopenOption = None,
-    allow_import: ImportOption = False,
-    signers: SignersOption = None,
-    timeout: TimeoutOption = SILENCE_S,
+    claim: Path,
+    out: Path | None = None,
+    env: str | None = None,
+    allow_import: bool = False,
+    signers: Path | None = None,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Checks a claim: says what differs here, plays its runs again, and ticks each figure.
 
@@ -69,6 +43,13 @@ def command(
     reason is printed.
 
     Example: gamekeeper reproduce claim.zip --allow-import
+
+    Args:
+        claim (CLAIM): File that gamekeeper pack wrote.
+        out (--out FOLDER): New folder to unpack it into (default: a temporary one).
+        env (--env ENV): Environment to open (default: the one that was recorded).
+        signers (--signers FILE): Allowed signers, a name and a public SSH key on each line;
+            CLAIM.sig has to be by one of them (default: signatures aren't looked at).
     """
     from gamekeeper.evaluation.claim_check import reproduce
 

@@ -3,37 +3,25 @@
 from __future__ import annotations
 
 import code
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-import typer
-
-from gamekeeper.cli._options import MOST, ImportOption, ReopenOption, RunArgument, episode_option
+from gamekeeper.cli._options import Number
 from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
     from gamekeeper.runs.resuming import Resumed
 
 ORDER: Final = 45
-EpisodeOption = Annotated[int, episode_option("Number of the episode.")]
-TurnOption = Annotated[
-    int,
-    typer.Option(
-        "--turn",
-        metavar="N",
-        min=0,
-        max=MOST,
-        help="Env steps that are played again before it is handed over; 0 stands after the reset.",
-    ),
-]
 
 
 def command(
     screen: Screen,
-    run: RunArgument,
-    episode: EpisodeOption = 0,
-    turn: TurnOption = 0,
-    env: ReopenOption = None,
-    allow_import: ImportOption = False,
+    run: Path,
+    episode: Number = 0,
+    turn: Number = 0,
+    env: str | None = None,
+    allow_import: bool = False,
 ) -> CommandResult:
     """Opens a recorded episode at one of its turns, in IPython or Python's own console.
 
@@ -45,6 +33,11 @@ def command(
     Exit code 0: resumed. 2: what was played now isn't what was recorded.
 
     Example: gamekeeper resume runs/warehouse-1 --episode 3 --turn 57
+
+    Args:
+        episode (--episode N): Number of the episode.
+        turn (--turn N): Env steps that are played again before it is handed over; 0 stands after
+            the reset.
     """
     from gamekeeper.runs.resuming import resume
 

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from gamekeeper.cli import _options as shared
 from gamekeeper.cli._audit import show_failed_rows
-from gamekeeper.cli._fan import (
-    ExecutorOption,
-    FanOption,
-    StorageOption,
-    free_for,
-    is_fanned,
-    record_by_workers,
-)
+from gamekeeper.cli._fan import free_for, is_fanned, record_by_workers
+from gamekeeper.cli._options import Count
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._worker import (
     Recorded,
@@ -33,23 +28,23 @@ ORDER: Final = 30
 @unguarded()  # the user names what is run
 def command(
     screen: Screen,
-    env: shared.EnvArgument,
-    policy: shared.PolicyOption = None,
-    episodes: shared.EpisodesOption = shared.EPISODES,
-    seed: shared.SeedOption = 0,
-    out: shared.OutFolderOption = None,
-    level: shared.LevelOption = "full",
-    check: shared.CheckOption = True,
-    frames: shared.FramesOption = False,
-    contract: shared.ContractOption = None,
-    kwargs: shared.KwargsOption = None,
-    options: shared.ResetOption = None,
-    most_turns: shared.TurnsOption = None,
-    timeout: shared.TimeoutOption = shared.SILENCE_S,
-    memory: shared.MemoryOption = None,
-    workers: FanOption = None,
-    executor: ExecutorOption = None,
-    storage: StorageOption = None,
+    env: str,
+    policy: list[str] | None = None,
+    episodes: int = shared.EPISODES,
+    seed: int = 0,
+    out: Path | None = None,
+    level: Literal["full", "digest", "actions"] = "full",
+    check: bool = True,
+    frames: bool = False,
+    contract: Path | None = None,
+    kwargs: str | None = None,
+    options: str | None = None,
+    most_turns: Count | None = None,
+    timeout: float = shared.SILENCE_S,
+    memory: int | None = None,
+    workers: int | None = None,
+    executor: str | None = None,
+    storage: str | None = None,
 ) -> CommandResult:
     """Plays episodes, and records them as a run.
 
@@ -60,6 +55,15 @@ def command(
     an interruption the same command continues.
 
     Example: gamekeeper rollout butterfly/pistonball-v6 --episodes 5 --seed 7
+
+    Args:
+        check (--check/--no-check): At level actions, replay the first finished episode in a worker
+            meanwhile, and say at once if it diverges; with several workers, play one of eight or
+            more episodes again, and say if it depends on those before it.
+        most_turns (--most-turns N): Cut an episode after this number of env steps: turns (AEC) or
+            ticks (Parallel) (default: 100,000).
+        storage (--storage PLACE): Place of the workers' parts: a folder that all workers reach, or
+            a URL such as s3://... or gs://... (default: RUN-parts).
     """
     plan = plan_of(
         env,

@@ -7,29 +7,11 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from gamekeeper.cli._audit import audit_code, audit_with_progress, show_failed_rows
 from gamekeeper.cli._form import GameForm, look_at, show_form
-from gamekeeper.cli._options import (
-    EPISODES,
-    MOST,
-    SILENCE_S,
-    ContractOption,
-    EnvArgument,
-    EpisodesOption,
-    FramesOption,
-    KwargsOption,
-    LevelOption,
-    MemoryOption,
-    OutFolderOption,
-    PolicyOption,
-    ResetOption,
-    SeedOption,
-    TimeoutOption,
-)
+from gamekeeper.cli._options import EPISODES, SILENCE_S, Count
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._worker import (
     Recorded,
@@ -67,43 +49,24 @@ MOST_TURNS: Final = 5_000
 MOST_FAILED: Final = 5
 """Most failed checks that are shown; `gamekeeper audit` has them all, with programs."""
 
-CutOption = Annotated[
-    int,
-    typer.Option(
-        "--most-turns",
-        metavar="N",
-        min=1,
-        max=MOST,
-        help="Cut an episode after this number of env steps: turns (AEC) or ticks (Parallel).",
-    ),
-]
-AuditOption = Annotated[
-    bool,
-    typer.Option(
-        "--no-audit",
-        help="Skip the quick audit before the recording: about 6,000 env steps beside those of the "
-        "recording.",
-    ),
-]
-
 
 @unguarded()  # the user names what is run
 def command(
     screen: Screen,
-    env: EnvArgument,
-    policy: PolicyOption = None,
-    episodes: EpisodesOption = EPISODES,
-    seed: SeedOption = 0,
-    out: OutFolderOption = None,
-    level: LevelOption = "full",
-    frames: FramesOption = False,
-    contract: ContractOption = None,
-    kwargs: KwargsOption = None,
-    options: ResetOption = None,
-    most_turns: CutOption = MOST_TURNS,
-    timeout: TimeoutOption = SILENCE_S,
-    memory: MemoryOption = None,
-    no_audit: AuditOption = False,
+    env: str,
+    policy: list[str] | None = None,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    out: Path | None = None,
+    level: Literal["full", "digest", "actions"] = "full",
+    frames: bool = False,
+    contract: Path | None = None,
+    kwargs: str | None = None,
+    options: str | None = None,
+    most_turns: Count = MOST_TURNS,
+    timeout: float = SILENCE_S,
+    memory: int | None = None,
+    no_audit: bool = False,
 ) -> CommandResult:
     """Shows the game form, audits quickly, records episodes and replays them.
 
@@ -114,6 +77,12 @@ def command(
     recorded all the same), the environment failed, or its replay diverged. 2: no answer.
 
     Example: gamekeeper run warehouse --policy reference
+
+    Args:
+        most_turns (--most-turns N): Cut an episode after this number of env steps: turns (AEC) or
+            ticks (Parallel).
+        no_audit (--no-audit): Skip the quick audit before the recording: about 6,000 env steps
+            beside those of the recording.
     """
     refuse_taken_folder(out)
     plan = plan_of(

@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 from textwrap import indent
-from typing import TYPE_CHECKING, Annotated, Any, Final
-
-import typer
+from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._form import look_at, show_form
-from gamekeeper.cli._options import (
-    SILENCE_S,
-    ContractOption,
-    ImportOption,
-    KwargsOption,
-    TimeoutOption,
-    json_object,
-)
+from gamekeeper.cli._options import SILENCE_S, json_object
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError, SpecError
 
@@ -27,33 +18,14 @@ ORDER: Final = 110
 EVALUATION: Final = "evaluation.json"
 
 
-ThingArgument = Annotated[
-    str,
-    typer.Argument(
-        metavar="RUN|ENV",
-        show_default=False,
-        help="Folder of a run or an evaluation, or an environment.",
-    ),
-]
-AgainstOption = Annotated[
-    str | None,
-    typer.Option(
-        "--against",
-        metavar="ENV",
-        help="Environment, as installed now, that the run or evaluation is compared with "
-        "(default: none).",
-    ),
-]
-
-
 def command(
     screen: Screen,
-    thing: ThingArgument,
-    against: AgainstOption = None,
-    kwargs: KwargsOption = None,
-    contract: ContractOption = None,
-    allow_import: ImportOption = False,
-    timeout: TimeoutOption = SILENCE_S,
+    thing: str,
+    against: str | None = None,
+    kwargs: str | None = None,
+    contract: Path | None = None,
+    allow_import: bool = False,
+    timeout: float = SILENCE_S,
 ) -> CommandResult:
     """Shows a run or an evaluation, or the game form and wrappers of an environment.
 
@@ -64,6 +36,11 @@ def command(
     Exit code with --against, 0: all results hold. 1: some must be measured again. 2: no answer.
 
     Example: gamekeeper show runs/warehouse-1
+
+    Args:
+        thing (RUN|ENV): Folder of a run or an evaluation, or an environment.
+        against (--against ENV): Environment, as installed now, that the run or evaluation is
+            compared with (default: none).
     """
     if against is not None:
         return _show_against(

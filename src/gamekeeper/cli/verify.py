@@ -1,37 +1,15 @@
 """`gamekeeper verify RUN`: compares every file of a run with its checksums and digests."""
 
-from __future__ import annotations
+from pathlib import Path
+from typing import Final
 
-from typing import Annotated, Final
-
-import typer
-
-from gamekeeper.cli._options import RunArgument
 from gamekeeper.cli._screen import CommandResult, Screen
 
 ORDER: Final = 60
-RootOption = Annotated[
-    str | None,
-    typer.Option(
-        "--root",
-        metavar="X",
-        help="Root digest that the run should have, at least 32 digits; labels that are "
-        "added later don't change it (default: not compared).",
-    ),
-]
-FingerprintOption = Annotated[
-    str | None,
-    typer.Option(
-        "--fingerprint",
-        metavar="X",
-        help="Fingerprint that the run should have, at least 32 digits; it covers what happened, "
-        "not every byte (default: not compared).",
-    ),
-]
 
 
 def command(
-    screen: Screen, run: RunArgument, root: RootOption = None, fingerprint: FingerprintOption = None
+    screen: Screen, run: Path, root: str | None = None, fingerprint: str | None = None
 ) -> CommandResult:
     """Compares every file of a run with its checksum, and computes its digests again.
 
@@ -42,6 +20,12 @@ def command(
     Exit code 0: all files are whole. 1: a file is damaged, or a digest differs.
 
     Example: gamekeeper verify runs/warehouse-1
+
+    Args:
+        root (--root X): Root digest that the run should have, at least 32 digits; labels that are
+            added later don't change it (default: not compared).
+        fingerprint (--fingerprint X): Fingerprint that the run should have, at least 32 digits; it
+            covers what happened, not every byte (default: not compared).
     """
     from gamekeeper.reporting.text_columns import wrapped
     from gamekeeper.runs.run_check import verify

@@ -8,9 +8,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
-
-from gamekeeper.cli._options import MOST, ImportOption, PolicyOption, TimeoutOption
+from gamekeeper.cli._options import Accepted, Count
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 
@@ -24,63 +22,18 @@ BUDGET: Final = 1_000_000
 SILENCE_S: Final = 60.0
 """As `play_on` has them; importing that loads numpy, help doesn't."""
 
-RunsArgument = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="RUN", show_default=False, help="Folders of recorded runs; two to compare."
-    ),
-]
-PortOption = Annotated[
-    int,
-    typer.Option("--port", metavar="N", min=0, max=65_535, help="Port of the page; 0: a free one."),
-]
-BrowserOption = Annotated[
-    bool,
-    typer.Option(
-        "--browser/--no-browser", help="Open the browser, if this is a terminal with a display."
-    ),
-]
-InteractiveOption = Annotated[
-    bool,
-    typer.Option(
-        "--interactive",
-        help="Let the page play on from a turn, with one agent's action or policy changed: runs "
-        "the environment and the policies that the run names, as replay does.",
-    ),
-]
-TryOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--try",
-        metavar="POLICY",
-        show_default=False,
-        help="With --interactive, a policy that the page offers beside the run's, the "
-        "environment's and the built-in ones. Repeatable (default: none).",
-    ),
-]
-BudgetOption = Annotated[
-    int,
-    typer.Option(
-        "--budget",
-        metavar="STEPS",
-        min=1,
-        max=MOST,
-        help="With --interactive, the number of env steps after which no future begins.",
-    ),
-]
-
 
 def command(
     screen: Screen,
-    runs: RunsArgument,
-    port: PortOption = 0,
-    browser: BrowserOption = True,
-    interactive: InteractiveOption = False,
-    try_: TryOption = None,
-    policy: PolicyOption = None,
-    budget: BudgetOption = BUDGET,
-    timeout: TimeoutOption = SILENCE_S,
-    allow_import: ImportOption = False,
+    runs: list[Path],
+    port: Annotated[int, Accepted(0, 65535)] = 0,
+    browser: bool = True,
+    interactive: bool = False,
+    try_: list[str] | None = None,
+    policy: list[str] | None = None,
+    budget: Count = BUDGET,
+    timeout: float = SILENCE_S,
+    allow_import: bool = False,
 ) -> CommandResult:
     """Shows every episode of a run in the browser, also while it is being recorded.
 
@@ -89,6 +42,18 @@ def command(
     play on from any turn: one future on the recorded draws, or many on fresh ones.
 
     Example: gamekeeper view runs/warehouse-1
+
+    Args:
+        runs (RUN): Folders of recorded runs; two to compare.
+        port (--port N): Port of the page; 0: a free one.
+        browser (--browser/--no-browser): Open the browser, if this is a terminal with a display.
+        interactive (--interactive): Let the page play on from a turn, with one agent's action or
+            policy changed: runs the environment and the policies that the run names, as replay
+            does.
+        try_ (--try POLICY): With --interactive, a policy that the page offers beside the run's, the
+            environment's and the built-in ones. Repeatable (default: none).
+        budget (--budget STEPS): With --interactive, the number of env steps after which no future
+            begins.
     """
     options = _play_on(interactive, try_, policy, budget, timeout, allow_import)
     # Arrow's own allocator reserves a gigabyte of addresses, and a thread's stack eight megabytes.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Tested
 from gamekeeper.diagnosis.experiment import Experiment
@@ -135,19 +135,10 @@ def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> Agent
 
 
 def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
-    effect = one.effect
-    return Tested(
-        " + ".join(one.substitute.labels) or None,
-        one.substitute.name,
-        _kind(one.substitute),
-        effect.value,
-        effect.low,
-        effect.high,
-        one.p,
-        n,
-        restores=one.restores,
-        flips_at=flips.get(one.substitute.name),
-    )
+    what = one.substitute
+    label, flips_at = " + ".join(what.labels) or None, flips.get(what.name)
+    more: dict[str, Any] = {"p": one.p, "n": n, "restores": one.restores, "flips_at": flips_at}
+    return Tested.of(one.effect, label, what.name, _kind(what), **more)
 
 
 def _kind(substitute: IdealSubstitute) -> str:

@@ -17,9 +17,8 @@ from typing import Any, Final, Self, TypeVar
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
-from gamekeeper.diagnosis.progress_notes import damaged, note, noted
 from gamekeeper.episodes.outcome import Outcome
-from gamekeeper.errors import EnvError, SpecError
+from gamekeeper.errors import EnvError, RunError, SpecError
 from gamekeeper.rollouts.executors.local import LocalExecutor
 from gamekeeper.rollouts.executors.task import Executor, Limits, WorkTask, stopped_after
 
@@ -76,21 +75,16 @@ def play_shares(
 Opened = TypeVar("Opened", bound=AbstractContextManager[Any])
 
 
-@dataclass(slots=True)
-class _Kept:
-    """The one set-up that a worker process holds open from task to task."""
-
-    key: object = None
-    opened: Any = None
-    at_exit: list[bool] = field(default_factory=list)
-
-    def close(self) -> None:
-        opened, self.key, self.opened = self.opened, None, None
-        if opened is not None:
-            opened.__exit__(None, None, None)
+_KEPT: Final[dict[str, Any]] = {}
+"""The one environment that a worker process holds open from task to task, with its key."""
 
 
-_KEPT: Final = _Kept()
+@atexit.register
+def _close_kept() -> None:
+    opened = _KEPT.pop("opened", None)
+    _KEPT.clear()
+    if opened is not None:
+        opened.__exit__(None, None, None)
 
 
 @contextmanager
@@ -104,17 +98,13 @@ def kept_open(key: object, make: Callable[[], Opened]) -> Iterator[Opened]:
         key: equal for what is the same.
         make: opens it; what it opened is its own context, which closes it.
     """
-    if _KEPT.opened is None or key != _KEPT.key:
-        _KEPT.close()
-        if not _KEPT.at_exit:
-            _KEPT.at_exit.append(True)
-            atexit.register(_KEPT.close)
-        _KEPT.opened, _KEPT.key = make(), key
-    opened: Opened = _KEPT.opened
+    if "opened" not in _KEPT or key != _KEPT["key"]:
+        _close_kept()
+        _KEPT.update(opened=make(), key=key)
     try:
-        yield opened
+        yield _KEPT["opened"]
     except BaseException:
-        _KEPT.close()
+        _close_kept()
         raise
 
 
@@ -373,3 +363,78 @@ def _noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[Key, Outcome]]
             yield (arm, run_seed, episode), Outcome.from_json(data["outcome"])
         except (ValueError, KeyError, TypeError) as error:
             raise damaged(path, number, error) from error
+
+
+# -- notes of what was played, line by line: an experiment that was stopped goes on from them
+
+
+def note(path: Path, data: Any) -> None:
+    """Adds a line."""
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(data) + "\n")
+
+
+def damaged(path: Path, number: int, error: Exception) -> RunError:
+    """The error of a line that can't be read."""
+    return RunError(
+        "a noted outcome is damaged",
+        where=f"{path}, line {number}",
+        actual=str(error)[:200],
+        fix="take the file away: the experiment is played anew",
+    )
+
+
+def noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
+    """Yields numbers and data of lines of an earlier call; a last one that was torn is dropped.
+
+    Args:
+        path: the file; written with its head where there is none.
+        head: what the file has to begin with, so that no other experiment's outcomes are taken.
+    Raises:
+        RunError: the file is another experiment's, or damaged.
+    """
+    begin = json.dumps(dict(head), sort_keys=True)
+    lines = path.read_bytes().split(b"\n") if path.exists() else []
+    if not lines:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(begin + "\n", encoding="utf-8")
+        return
+    if lines[0].decode("utf-8", "replace") != begin:
+        raise RunError(
+            "outcomes of another experiment lie here",
+            where=str(path),
+            expected="the same run, seed and set-up",
+            actual=_changed(lines[0], begin),
+            fix="name another folder with --out, or take this one away",
+        )
+    whole = lines[:-1]
+    for number, line in enumerate(whole[1:], start=2):
+        try:
+            data = json.loads(line)
+        except ValueError as error:
+            raise damaged(path, number, error) from error
+        yield number, data
+    if lines[-1]:
+        path.write_bytes(b"\n".join(whole) + b"\n")
+
+
+def _changed(there: bytes, begin: str) -> str:
+    """Differences between two heads, by name."""
+    try:
+        old, new = json.loads(there), json.loads(begin)
+    except ValueError:
+        old = None
+    if not isinstance(old, dict):
+        return there.decode("utf-8", "replace")[:200]
+    pairs = _differing(old, new, "")
+    return "; ".join(f"{name} was {was}, is {now}" for name, was, now in pairs)[:400]
+
+
+def _differing(old: Any, new: Any, name: str) -> Iterator[tuple[str, str, str]]:
+    """Yields the name of each value that differs, and both."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted({*old, *new}):
+            inner = f"{name}.{key}" if name else key
+            yield from _differing(old.get(key), new.get(key), inner)
+    elif old != new:
+        yield name, json.dumps(old)[:60], json.dumps(new)[:60]

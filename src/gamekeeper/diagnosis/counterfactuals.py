@@ -5,6 +5,7 @@ from __future__ import annotations
 import pprint
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,7 @@ import numpy as np
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis
-from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
+from gamekeeper.diagnosis.played_setup import OpenSetup, Setup, recorder_of
 from gamekeeper.diagnosis.trials import IdealSubstitute
 from gamekeeper.episodes.canonical.opaque import shown
 from gamekeeper.episodes.divergence import Divergence, compare
@@ -28,7 +29,6 @@ from gamekeeper.rollouts.episode_loop import EpisodeResult, play
 from gamekeeper.rollouts.interventions.action_substitutes import Reenacted
 from gamekeeper.rollouts.snapshots import is_same, snapshot
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recorder import RunRecorder
 from gamekeeper.runs.standing import choices_of
 
 MOST: Final = 3
@@ -160,7 +160,9 @@ def _action_text(action: Any, names: Sequence[str]) -> str:
     """An action by its declared name, its number in brackets; arrays rounded."""
     if isinstance(action, int | np.integer):
         return f"{names[int(action)]} ({action})" if 0 <= action < len(names) else str(action)
-    return shown(np.round(action, 3).tolist() if isinstance(action, np.ndarray) else action)
+    if isinstance(action, np.ndarray) and action.dtype.kind == "f":
+        action = np.round(action.astype(np.float64), 3) + 0.0  # no digits of float32, no -0.0
+    return shown(action.tolist() if isinstance(action, np.ndarray) else action)
 
 
 def keep(
@@ -171,30 +173,16 @@ def keep(
     A change is no part of a run: what policies were shown or had done otherwise stands in its
     actions, which replay.
     """
-    with OpenSetup(setup, contract) as stage:
-        sink = RunRecorder(
-            folder,
-            environment=stage.opened.identity,
-            contract=contract,
-            run_seed=run_seed,
-            terms=tuple(contract.rewards),
-            volatile=contract.volatile_infos(),
-        )
-        try:
-            capture = capture_of(stage.env, sink=sink)
-            capture.policies = stage.described
-            for episode in range(episodes):
-                options = setup.options[episode % len(setup.options)]
-                play(
-                    capture,
-                    stage.cast,
-                    [episode],
-                    seed=run_seed,
-                    options=options,
-                    most_turns=setup.most_turns,
-                )
-        finally:
-            sink.close()
+    with (
+        OpenSetup(setup, contract) as stage,
+        closing(recorder_of(stage.opened, folder, contract, run_seed=run_seed)) as sink,
+    ):
+        capture = capture_of(stage.env, sink=sink)
+        capture.policies = stage.described
+        for episode in range(episodes):
+            options = setup.options[episode % len(setup.options)]
+            given: dict[str, Any] = {"options": options, "most_turns": setup.most_turns}
+            play(capture, stage.cast, [episode], seed=run_seed, **given)
     return str(folder)
 
 
@@ -249,8 +237,7 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
     Raises:
         EvidenceError: no ideal substitute restores, so there is nothing to hold on to.
     """
-    everybody = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
-    kinds = {each.intervention: each.kind for one in everybody for each in one.tested}
+    kinds = {each.intervention: each.kind for one in diagnosis.answers for each in one.tested}
     playable = {
         arm: folder for arm, folder in diagnosis.runs.items() if kinds.get(arm) != "undo"
     }  # a rollout's arguments can't say an undo
@@ -262,7 +249,7 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
             actual="none",
             fix="declare more knobs in the contract, or play more episodes (--episodes)",
         )
-    found = next(each for each in everybody if each.substitutes)
+    found = next(each for each in diagnosis.answers if each.substitutes)
     arms: dict[str, Any] = {}
     counts: list[int] = []
     for arm, folder in playable.items():

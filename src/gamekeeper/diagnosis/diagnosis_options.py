@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.arms import ArmRunner
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
 
@@ -41,10 +42,13 @@ class DiagnosisOptions:
         """The file in which outcomes are kept."""
         return None if self.folder is None else self.folder / NOTES
 
-    def check_budget(self, longest: int, least: int) -> None:
-        """Refuses a budget of env steps with which nothing can be shown.
+    def runner(
+        self, contract: Contract, head: Mapping[str, Any], longest: int, *, least: int
+    ) -> ArmRunner:
+        """Player of arms, with the notes of this experiment.
 
         Args:
+            head: what the notes have to begin with, beside the seed.
             longest: env steps of the longest recorded episode.
             least: episodes without which there is no answer.
         Raises:
@@ -58,6 +62,15 @@ class DiagnosisOptions:
                 actual=f"{self.budget:,}",
                 fix="raise it (budget=, --budget)",
             )
+        return ArmRunner(
+            contract,
+            workers=self.workers,
+            on_message=self.on_message,
+            silence_s=self.timeout_s,
+            notes=self.notes,
+            head={**head, "seed": self.seed},
+            longest=longest,
+        )
 
     @property
     def goes_on(self) -> str:

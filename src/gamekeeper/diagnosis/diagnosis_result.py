@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any
+from typing import Any, Self
 
 from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
+from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.diagnosis.raised_policies import RaisedPolicy
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.setup_differences import SetupDifference
 from gamekeeper.episodes.row_tables import html_table, text_lines
+from gamekeeper.statistics.paired import PairedEffect
 
 
 @dataclass(frozen=True, slots=True)
-class Tested:
+class Tested(PlainData):
     """One change that was played, against the same seeds with nothing changed.
 
     Attributes:
@@ -46,14 +48,23 @@ class Tested:
     depends: bool | None = None
     flips_at: float | None = None
 
+    @classmethod
+    def of(
+        cls, effect: PairedEffect, label: str | None, intervention: str, kind: str, **more: Any
+    ) -> Self:
+        """An effect that was measured."""
+        at = (effect.value, effect.low, effect.high)
+        p, n = more.pop("p", effect.p), more.pop("n", effect.n)
+        return cls(label, intervention, kind, *at, p, n, **more)
+
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        found = {name: getattr(self, name) for name in self.__slots__}
-        return {name: x for name, x in found.items() if x is not None or name == "label"}
+        found = PlainData.to_json(self).items()
+        return {name: x for name, x in found if x is not None or name == "label"}
 
 
 @dataclass(frozen=True, slots=True)
-class AgentDiagnosis:
+class AgentDiagnosis(PlainData):
     """Answer for one agent, a role or the team.
 
     Attributes:
@@ -84,23 +95,14 @@ class AgentDiagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        share, low, high = self.success
-        return {
-            "answer": self.answer,
-            "labels": list(self.labels),
-            "component": self.component,
-            "why": self.why,
-            "scope": self.scope,
-            "success": {"share": share, "low": low, "high": high},
-            "substitutes": list(self.substitutes),
-            "beside": list(self.beside),
-            "tested": [each.to_json() for each in self.tested],
+        return PlainData.to_json(self) | {
+            "success": dict(zip(("share", "low", "high"), self.success, strict=True)),
             "not_tested": [{"label": label, "why": why} for label, why in self.not_tested],
         }
 
 
 @dataclass(frozen=True, slots=True)
-class Counterfactual:
+class Counterfactual(PlainData):
     """First divergence of a recorded episode from its counterfactual.
 
     Attributes:
@@ -128,13 +130,9 @@ class Counterfactual:
     instead: str | None = None
     often: list[Any] | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {name: getattr(self, name) for name in self.__slots__}
-
 
 @dataclass(frozen=True, slots=True)
-class RunDifferences:
+class RunDifferences(PlainData):
     """Differences between a run that fails and one that worked, and the least that explain it.
 
     Attributes:
@@ -164,24 +162,18 @@ class RunDifferences:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        value, low, high = self.gap
-        return {
-            "good": self.good,
+        found = PlainData.to_json(self) | {
             "listed": [
                 {**each.to_json(), "alone": self.alone.get(each.name)} for each in self.listed
             ],
-            "least": [list(each) for each in self.least],
-            "why": self.why,
-            "measure": self.measure,
-            "means": {"bad": self.means[0], "good": self.means[1]},
-            "gap": {"value": value, "low": low, "high": high},
-            "tested": [each.to_json() for each in self.tested],
-            "tried": self.tried,
+            "means": dict(zip(("bad", "good"), self.means, strict=True)),
+            "gap": dict(zip(("value", "low", "high"), self.gap, strict=True)),
         }
+        return {name: each for name, each in found.items() if name != "alone"}
 
 
 @dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(PlainData):
     """Diagnosis of a run: agents and causes, as far as the experiments tell.
 
     Attributes:
@@ -238,18 +230,21 @@ class Diagnosis:
     raised: tuple[RaisedPolicy, ...] = ()
 
     @property
+    def answers(self) -> tuple[AgentDiagnosis, ...]:
+        """The answer for the team, where there is one, and for each agent."""
+        return (*([self.team] if self.team else []), *self.agents.values())
+
+    @property
     def has_cause(self) -> bool:
         """Some agent's failure has a named cause."""
-        everybody = [*self.agents.values(), *([self.team] if self.team else [])]
-        return any(each.answer in CAUSES for each in everybody)
+        return any(each.answer in CAUSES for each in self.answers)
 
     @property
     def has_shown_cause(self) -> bool:
         """A cause is named by a change that restores success, beyond chance."""
-        everybody = [*self.agents.values(), *([self.team] if self.team else [])]
         return any(
             each.answer in CAUSES and test.restores and test.intervention in each.substitutes
-            for each in everybody
+            for each in self.answers
             for test in each.tested
         )
 
@@ -263,66 +258,33 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper diagnose --json` prints."""
-        counts = (
-            "expected",
-            "part",
-            "episodes",
-            "reused",
-            "seed",
-            "most_episodes",
-            "budget",
-            "steps",
-        )
-        return {
-            **{name: getattr(self, name) for name in ("run", "fingerprint", *counts)},
-            "contradictions": {
-                scope: each.to_json() for scope, each in self.contradictions.items()
-            },
+        return PlainData.to_json(self) | {
             "agents": {
                 name: {**each.to_json(), "since": self.since(each)}
                 for name, each in self.agents.items()
             },
-            "team": None if self.team is None else self.team.to_json(),
             "recorded": _counts(self.recorded),
             "fresh": _counts(self.fresh),
-            "counterfactuals": [each.to_json() for each in self.counterfactuals],
-            "runs": dict(self.runs),
-            "conditions": dict(self.conditions),
-            "not_played": list(self.not_played),
-            "policies": dict(self.policies),
-            "responses": {name: each.to_json() for name, each in self.responses.items()},
-            "differences": None if self.differences is None else self.differences.to_json(),
-            "raised": [each.to_json() for each in self.raised],
         }
 
     def rows(self) -> list[list[str]]:
         """A heading and a row for the team and each agent, as texts."""
-        everybody = [("team", self.team)] if self.team else []
-        everybody += list(self.agents.items())
-        return [
-            ["agent", "answer", "cause", "success", "why"],
-            *(
-                [
-                    name,
-                    each.answer,
-                    ", ".join(each.labels) or each.component or "-",
-                    f"{each.success[0]:.0%}",
-                    each.why,
-                ]
-                for name, each in everybody
-                if each is not None
-            ),
-        ]
+        names = [*(["team"] if self.team else []), *self.agents]
+        rows = [["agent", "answer", "cause", "success", "why"]]
+        for name, each in zip(names, self.answers, strict=True):
+            cause = ", ".join(each.labels) or each.component or "-"
+            rows.append([name, each.answer, cause, f"{each.success[0]:.0%}", each.why])
+        return rows
+
+    def _warnings(self) -> list[str]:
+        told = [str(each) for each in self.raised]
+        return told + [f"{scope}: {each}" for scope, each in self.contradictions.items()]
 
     def __str__(self) -> str:
-        told = [str(each) for each in self.raised]
-        told += [f"{scope}: {each}" for scope, each in self.contradictions.items()]
-        return "\n".join([*told, *text_lines(self.rows())])
+        return "\n".join([*self._warnings(), *text_lines(self.rows())])
 
     def _repr_html_(self) -> str:
-        lines = [str(each) for each in self.raised]
-        lines += [f"{scope}: {each}" for scope, each in self.contradictions.items()]
-        told = "".join(f"<p><b>{escape(line)}</b></p>" for line in lines)
+        told = "".join(f"<p><b>{escape(line)}</b></p>" for line in self._warnings())
         return f"{told}{html_table(self.rows(), caption='Diagnosis by agent')}"
 
 

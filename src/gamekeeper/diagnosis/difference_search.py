@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
+from gamekeeper.diagnosis.diagnosis_result import Tested
 from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.raised_policies import RaisedPolicy, raised_in
@@ -26,6 +27,7 @@ from gamekeeper.statistics.significance import holm
 
 BAD: Final = "bad"
 GOOD: Final = "good"
+AS_GOOD: Final = "as in the good run: "
 ALONE: Final = 24
 """Fresh episodes on which single differences are put in order."""
 CONFIRM: Final = 64
@@ -45,38 +47,20 @@ class Spent(Exception):  # noqa: N818  # no error: the search ends with what it 
     """The budget is spent."""
 
 
-@dataclass(frozen=True, slots=True)
-class TriedSet:
-    """Differences that were taken over together, on fresh seeds.
-
-    Attributes:
-        effect: the change of the score against the bad set-up.
-        p: of that effect, corrected for the number of sets that were tried (Holm).
-        recovered: the part of the gap that it closes.
-        explains: it closes the stated part beyond chance, and the good set-up is no better beyond
-            chance, or by less than matters.
-    """
-
-    names: tuple[str, ...]
-    effect: PairedEffect
-    p: float
-    recovered: float
-    explains: bool
-
-
 @dataclass(slots=True)
 class DifferenceSearch:
     """Arms on paired fresh seeds, and the least sets that explain.
 
     Attributes:
         differences: those that can be swapped.
-        score: figure of an episode; higher is better.
+        score, measure: figure of an episode, and its name; higher is better.
         part: of the gap that a set has to close.
         most: episodes that may be played.
         budget: env steps that may be taken; None: as many as those take.
         seeds: run seeds of the search and of the confirmation.
         alone: by name, the part of the gap that a difference closes, taken over alone.
-        confirmed: sets that the answer is given on.
+        confirmed: sets that the answer is given on. One restores where it closes the stated part
+            beyond chance, and the good set-up is no better beyond chance, or by less than matters.
         tried: names of all sets that were played.
         not_played: what the budget didn't reach, in words.
     """
@@ -90,8 +74,9 @@ class DifferenceSearch:
     most: int
     budget: int | None
     seeds: tuple[int, int]
+    measure: str = "success"
     alone: dict[str, float] = field(default_factory=dict)
-    confirmed: list[TriedSet] = field(default_factory=list)
+    confirmed: list[Tested] = field(default_factory=list)
     tried: set[str] = field(default_factory=set)
     not_played: list[str] = field(default_factory=list)
 
@@ -129,8 +114,10 @@ class DifferenceSearch:
 
     def _found(self) -> tuple[Chosen, ...]:
         ranked = self._ranked()
-        for n in (FEWEST, 2 * FEWEST):
-            least = self._confirmed(least_set(ranked, partial(self._explains, n=n)))
+        for n in (FEWEST, 2 * FEWEST):  # a set that only luck on few seeds chose isn't confirmed
+            least = self._confirmed(
+                least_set(ranked, partial(self._explains, seed=self.seeds[0], n=n))
+            )
             if least:
                 others = [one for one in ranked if one not in least and self._is_rival(one)]
                 rivals = [(one,) for one in others if len(least) == 1]
@@ -162,30 +149,26 @@ class DifferenceSearch:
         scores = self._scores(chosen, seed, ALONE)
         return broken if scores is None else float(scores.mean())
 
-    def _explains(self, chosen: Chosen, *, n: int) -> bool:
-        """It closes the part of the gap on searched seeds, and the good set-up isn't better."""
-        return self._judged(chosen, self.seeds[0], n)[1]
-
-    def _judged(self, chosen: Chosen, seed: int, n: int) -> tuple[float, bool]:
-        """The part of the gap that a set closes, and whether that explains it."""
+    def _explains(self, chosen: Chosen, seed: int, n: int) -> bool:
+        """It closes the part of the gap, and the good set-up isn't better."""
         base = self._scores((), seed, n)
         best = self._scores(self.differences, seed, n)
         arm = self._scores(chosen, seed, n)
         if base is None or best is None or arm is None or best.mean() <= base.mean():
-            return 0.0, False
+            return False
         closed = float((arm.mean() - base.mean()) / (best.mean() - base.mean()))
         rest = paired_effect(arm, best, rng=self._rng())
         is_less = rest.low > 0 and closed <= 1 - MATTERS
-        return closed, closed >= self.part and not is_less
+        return closed >= self.part and not is_less
 
     def _confirmed(self, chosen: Chosen) -> tuple[SetupDifference, ...]:
         """The set without what isn't needed on fresh seeds; empty where it doesn't explain."""
         left = list(chosen)
-        if not self._note(left).explains:
+        if not self._note(left).restores:
             return ()
         for one in list(left):
             rest = [each for each in left if each is not one]
-            if rest and not self._adds(one, left) and self._note(rest).explains:
+            if rest and not self._adds(one, left) and self._note(rest).restores:
                 left = rest
         return tuple(one for one in self.differences if one in left)
 
@@ -195,16 +178,16 @@ class DifferenceSearch:
         added = self._effect(rest, chosen, self.seeds[1], CONFIRM)
         return added.low > 0 and added.value >= MATTERS * self.gap.value
 
-    def _note(self, chosen: Chosen) -> TriedSet:
+    def _note(self, chosen: Chosen) -> Tested:
         """A set on the seeds that the answer is given on."""
         seed = self.seeds[1]
-        closed, explains = self._judged(chosen, seed, CONFIRM)
+        explains = self._explains(chosen, seed, CONFIRM)
         effect = self._effect((), chosen, seed, CONFIRM)
+        # With all others at 1, Holm is Bonferroni: this set was chosen among so many.
         p = holm([effect.p, *[1.0] * (len(self.tried) - 1)])[0]
-        found = TriedSet(
-            tuple(one.name for one in chosen), effect, p, closed, explains and p < ALPHA
-        )
-        self.confirmed = [x for x in self.confirmed if x.names != found.names] + [found]
+        name, is_sure = f"{AS_GOOD}{names_of(chosen)}", explains and p < ALPHA
+        found = Tested.of(effect, None, name, "swap", p=p, measure=self.measure, restores=is_sure)
+        self.confirmed = [x for x in self.confirmed if x.intervention != name] + [found]
         return found
 
     def _effect(self, one: Chosen, two: Chosen, seed: int, n: int) -> PairedEffect:
@@ -245,7 +228,7 @@ class DifferenceSearch:
             return BAD, self.bad
         if len(mine) == len(self.differences):
             return GOOD, self.good
-        return f"as in the good run: {names_of(mine)}", taken_over(self.bad, self.good, mine)
+        return f"{AS_GOOD}{names_of(mine)}", taken_over(self.bad, self.good, mine)
 
     @staticmethod
     def _rng() -> Any:

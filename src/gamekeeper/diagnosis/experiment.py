@@ -29,6 +29,7 @@ from gamekeeper.diagnosis.trials import (
     MEMORY,
     IdealSubstitute,
     PerturbationArm,
+    briefly,
     joined,
     over_undos,
     weakened,
@@ -252,7 +253,9 @@ class Experiment:
         ranked = sorted(self.substitutes, key=lambda one: place[one.name])
         self.skipped = ranked[most:]
         if self.skipped:
-            self.not_played.append(f"ideal substitutes: {', '.join(self._names(self.skipped))}")
+            each = ", each alone" * (len(self.skipped) > 1)
+            names = ", ".join(briefly(self.skipped))
+            self.not_played.append(f"ideal substitutes{each}: {names}")
         if len(self.substitutes) > 1:
             self.not_played.append("several ideal substitutes at once")
         return self._names(ranked[:most])
@@ -485,14 +488,18 @@ class Experiment:
                 )
                 return good if step else None
             one = weakened(substitute, int(middle) if is_whole else middle)
-            self.runner.play(
-                [ArmOrder(one.name, one.applied(self.setup), self.search_seed, range(SEARCH))]
-            )
-            if one.name in self.runner.broken:
+            still = self._share(one.name, one.applied(self.setup), scope, rescued)
+            if still is None:
                 return None
-            still = self.successes(one.name, self.search_seed, SEARCH, scope)[rescued]
-            good, bad = (middle, bad) if still.mean() > 0.5 else (good, middle)
+            good, bad = (middle, bad) if still > 0.5 else (good, middle)
         return good
+
+    def _share(self, arm: str, setup: Setup, scope: str, episodes: Any) -> float | None:
+        """The part of some searched episodes that succeed in a set-up; None: it can't be played."""
+        self.runner.play([ArmOrder(arm, setup, self.search_seed, range(SEARCH))])
+        if arm in self.runner.broken:
+            return None
+        return float(self.successes(arm, self.search_seed, SEARCH, scope)[episodes].mean())
 
     def breaks_at(
         self, perturbation: PerturbationArm, scope: str, *, steps: int = 4
@@ -512,12 +519,8 @@ class Experiment:
 
         def breaks(strength: float) -> bool:
             one = replace(perturbation.setup, change=change.at(strength, change.agents))
-            name = f"{perturbation.name} at {strength:g}"
-            self.runner.play([ArmOrder(name, one, self.search_seed, range(SEARCH))])
-            played = name not in self.runner.broken
-            return played and bool(
-                self.successes(name, self.search_seed, SEARCH, scope)[sound].mean() < 0.5
-            )
+            share = self._share(f"{perturbation.name} at {strength:g}", one, scope, sound)
+            return share is not None and share < 0.5
 
         if not breaks(change.strength):
             return None

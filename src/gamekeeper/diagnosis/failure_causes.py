@@ -14,7 +14,7 @@ import numpy as np
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.agent_answers import agent_answer
-from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder, ArmRunner
+from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder
 from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
 from gamekeeper.diagnosis.cut_offs import cuts_of, early_cut
 from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
@@ -32,6 +32,7 @@ from gamekeeper.diagnosis.judgement import (
 from gamekeeper.diagnosis.played_setup import (
     OpenSetup,
     SetupTraits,
+    check_last,
     consent_to,
     contract_of,
     longest_of,
@@ -39,8 +40,6 @@ from gamekeeper.diagnosis.played_setup import (
     setup_of,
     traits_of,
 )
-from gamekeeper.diagnosis.raised_policies import RaisedPolicy
-from gamekeeper.diagnosis.recorded_course import check_last
 from gamekeeper.diagnosis.trials import (
     PerturbationArm,
     perturbations_of,
@@ -156,8 +155,8 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     """The diagnosis by ideal substitutes, undos and perturbations."""
     declared = contract_of(evidence, options.contract)
     conditions = failures(declared, options.failed, evidence.episodes)
-    recorded = _recorded(evidence, conditions, declared)
-    lost = _lost(evidence, conditions, declared)
+    outcomes = list(map(outcome_of, evidence.episodes))
+    recorded, lost = _recorded(outcomes, conditions, declared)
     env, policies = options.env, options.policies
     setup = setup_of(evidence, env=env, policies=policies)
     tried, allow = list((options.replace or {}).values()), options.allow_import
@@ -169,21 +168,8 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             seen, played = traits_of(stage, kinds), stage.identity
             cuts = cuts_of(lost, stage.env, setup.kwargs, len(seen.agents))
             seen = dataclasses.replace(seen, cuts=cuts)
-        runner = ArmRunner(
-            declared,
-            workers=options.workers,
-            on_message=options.on_message,
-            silence_s=options.timeout_s,
-            notes=options.notes,
-            longest=longest_of(evidence),
-            head={
-                "run": evidence.fingerprint,
-                "seed": options.seed,
-                "most_turns": setup.most_turns,
-                **played,
-            },
-        )
-        options.check_budget(runner.longest, LEAST)
+        head = {"run": evidence.fingerprint, "most_turns": setup.most_turns, **played}
+        runner = options.runner(declared, head, longest_of(evidence), least=LEAST)
         experiment = Experiment(
             setup,
             substitutes_of(setup, declared, seen, options.replace),
@@ -247,12 +233,8 @@ def _diagnosis(
     agents = _present(evidence, experiment, seen)
     fresh = {scope: experiment.fresh(scope) for scope in experiment.scopes}
     others = other_policies(evidence, experiment.setup)
-    is_broken_off, raised = experiment.is_broken_off, experiment.raised
-    doubts = {} if others or is_broken_off else contradictions(recorded, fresh)
-    findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
-    findings = {s: _with_left_out(each, experiment.not_played) for s, each in findings.items()}
-    if is_broken_off:
-        findings = {scope: _broken_off(each, raised[0]) for scope, each in findings.items()}
+    doubts = {} if others or experiment.is_broken_off else contradictions(recorded, fresh)
+    findings = {scope: scope_answer(experiment, scope, doubts.get(scope)) for scope in fresh}
     found = _counterfactuals(evidence, experiment, findings, recorded)
     repeated = experiment.extra
     _reserve(experiment, findings)
@@ -293,7 +275,7 @@ def _diagnosis(
         steps=experiment.runner.steps,
         not_played=tuple(experiment.not_played),
         policies=others,
-        raised=raised,
+        raised=experiment.raised,
     )
 
 
@@ -340,46 +322,31 @@ def _reserve(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> No
         experiment.not_played.append(left_out)
 
 
-def _broken_off(finding: ScopeFinding, by: RaisedPolicy) -> ScopeFinding:
-    """The answer where a policy that raised broke off most of the failed episodes."""
-    why = f"{by}; nothing was tried, as no episode shows more than that"
-    return dataclasses.replace(finding, answer="not_tried", why=why)
+def scope_answer(experiment: Experiment, scope: str, doubt: Contradiction | None) -> ScopeFinding:
+    """The answer for a scope, with what it has to say first.
 
-
-def _with_left_out(finding: ScopeFinding, not_played: Sequence[str]) -> ScopeFinding:
-    """The answer; where nothing explains a failure, what wasn't tried comes first."""
-    if finding.answer != "unexplained" or not not_played:
-        return finding
-    few = "; ".join(not_played[:3])
-    return dataclasses.replace(finding, why=f"not tried: {few}; of what was, {finding.why}")
-
-
-def _doubted(finding: ScopeFinding, doubt: Contradiction | None) -> ScopeFinding:
-    """The answer; where it names no cause, a contradiction is why."""
-    is_named = finding.answer in CAUSES
-    return finding if doubt is None or is_named else dataclasses.replace(finding, why=str(doubt))
+    A policy that broke off most of the failed episodes; where no cause is named, a contradiction;
+    where nothing explains a failure, what wasn't tried.
+    """
+    found, not_played = experiment.finding(scope), experiment.not_played
+    if experiment.is_broken_off:
+        why = f"{experiment.raised[0]}; nothing was tried, as no episode shows more than that"
+        return dataclasses.replace(found, answer="not_tried", why=why)
+    why = found.why if doubt is None or found.answer in CAUSES else str(doubt)
+    if found.answer == "unexplained" and not_played:
+        why = f"not tried: {'; '.join(not_played[:3])}; of what was, {why}"
+    return dataclasses.replace(found, why=why)
 
 
 def _recorded(
-    evidence: Evidence, conditions: Mapping[str, Failure], contract: Contract
-) -> dict[str, tuple[int, int]]:
-    """Number of recorded episodes that failed, by scope."""
-    counts: dict[str, list[int]] = {}
-    for trace in evidence.episodes:
-        told = failed(outcome_of(trace), conditions, contract)
-        for scope, is_failed in told.items():
-            count = counts.setdefault(scope, [0, 0])
-            count[0] += is_failed
-            count[1] += 1
-    return {scope: (bad, of) for scope, (bad, of) in counts.items()}
-
-
-def _lost(
-    evidence: Evidence, conditions: Mapping[str, Failure], contract: Contract
-) -> list[Outcome]:
-    """The recorded episodes that failed for anybody."""
-    outcomes = map(outcome_of, evidence.episodes)
-    return [each for each in outcomes if any(failed(each, conditions, contract).values())]
+    outcomes: Sequence[Outcome], conditions: Mapping[str, Failure], contract: Contract
+) -> tuple[dict[str, tuple[int, int]], list[Outcome]]:
+    """Number of recorded episodes that failed, and of all, by scope; those that did for anybody."""
+    told = [failed(each, conditions, contract) for each in outcomes]
+    scopes = dict.fromkeys(scope for each in told for scope in each)
+    rows = {scope: [each[scope] for each in told if scope in each] for scope in scopes}
+    counts = {scope: (sum(row), len(row)) for scope, row in rows.items()}
+    return counts, [x for x, each in zip(outcomes, told, strict=True) if any(each.values())]
 
 
 def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> list[str]:
@@ -450,17 +417,8 @@ def _effects(
     }
     corrected = holm([effect.p for effect in found.values()])
     return {
-        one: Tested(
-            one.label,
-            one.name,
-            "perturbation",
-            effect.value,
-            effect.low,
-            effect.high,
-            p,
-            effect.n,
-            measure="return",
-            depends=p < 0.05,
+        one: Tested.of(
+            effect, one.label, one.name, "perturbation", p=p, measure="return", depends=p < 0.05
         )
         for (one, effect), p in zip(found.items(), corrected, strict=True)
     }
@@ -468,8 +426,7 @@ def _effects(
 
 def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnosis:
     """The diagnosis with runs of the unchanged rerun and of what restores, and its own file."""
-    names = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
-    wanted = list(dict.fromkeys(name for each in names for name in each.substitutes))
+    wanted = list(dict.fromkeys(name for x in diagnosis.answers for name in x.substitutes))
     arms = [UNCHANGED, *wanted] if wanted and experiment.recordings else []
     runs: dict[str, str] = {}
     played = 0

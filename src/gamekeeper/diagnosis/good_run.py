@@ -8,10 +8,9 @@ from os import PathLike
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
-from gamekeeper.diagnosis.arms import ArmRunner
 from gamekeeper.diagnosis.cut_offs import cutting_arguments, truncating_turn
 from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
-from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Diagnosis, RunDifferences, Tested
+from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Diagnosis, RunDifferences
 from gamekeeper.diagnosis.difference_search import CONFIRM, Chosen, DifferenceSearch
 from gamekeeper.diagnosis.experiment import fresh_seed
 from gamekeeper.diagnosis.judgement import Answer
@@ -66,8 +65,9 @@ def compared(
                     allow_import=options.allow_import,
                 )
             )
-        runner = stack.enter_context(_runner(one, two, contract, options, differences))
-        options.check_budget(runner.longest, 2 * CONFIRM)
+        longest, listed = max(map(longest_of, (one, two))), [x.to_json() for x in differences]
+        head = {"run": one.fingerprint, "good": two.fingerprint, "differences": listed}
+        runner = stack.enter_context(options.runner(contract, head, longest, least=2 * CONFIRM))
         search = DifferenceSearch(
             mine,
             theirs,
@@ -81,37 +81,14 @@ def compared(
                 fresh_seed(one.fingerprint, options.seed, "search differences"),
                 fresh_seed(one.fingerprint, options.seed, "confirm differences"),
             ),
+            "success" if is_judged else "return",
         )
         with noted_if_interrupted(
             lambda: [options.goes_on, "scores by then:", *runner.known(search.score)]
         ):
             least = search.run()
-    found = _differences(search, least, two, listed_only(one, two), is_judged=is_judged)
+    found = _differences(search, least, two, listed_only(one, two))
     return _diagnosis(one, search, found, least, agents, conditions, contract, options)
-
-
-def _runner(
-    one: Evidence,
-    two: Evidence,
-    contract: Contract,
-    options: DiagnosisOptions,
-    differences: Sequence[SetupDifference],
-) -> ArmRunner:
-    head = {
-        "run": one.fingerprint,
-        "good": two.fingerprint,
-        "seed": options.seed,
-        "differences": [each.to_json() for each in differences],
-    }
-    return ArmRunner(
-        contract,
-        workers=options.workers,
-        on_message=options.on_message,
-        silence_s=options.timeout_s,
-        notes=options.notes,
-        head=head,
-        longest=max(longest_of(one), longest_of(two)),
-    )
 
 
 def _score(conditions: Mapping[str, Failure], contract: Contract) -> Callable[[Outcome], float]:
@@ -126,36 +103,19 @@ def _differences(
     least: Sequence[Chosen],
     good: Evidence,
     versions: tuple[SetupDifference, ...],
-    *,
-    is_judged: bool,
 ) -> RunDifferences:
     bad_scores, good_scores = search.means()
-    gap, measure = search.gap, "success" if is_judged else "return"
-    tested = [
-        Tested(
-            None,
-            f"as in the good run: {' and '.join(one.names)}",
-            "swap",
-            one.effect.value,
-            one.effect.low,
-            one.effect.high,
-            one.p,
-            one.effect.n,
-            measure=measure,
-            restores=one.explains,
-        )
-        for one in search.confirmed
-    ]
+    gap = search.gap
     return RunDifferences(
         good=str(good.path or "memory"),
         listed=(*search.differences, *versions),
         least=tuple(tuple(one.name for one in each) for each in least),
         why=_why(search, least, versions),
-        measure=measure,
+        measure=search.measure,
         means=(float(bad_scores.mean()), float(good_scores.mean())),
         gap=(gap.value, gap.low, gap.high),
         alone=search.alone,
-        tested=tuple(tested),
+        tested=tuple(search.confirmed),
         tried=len(search.tried),
     )
 

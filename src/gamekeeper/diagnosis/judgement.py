@@ -139,6 +139,8 @@ def judged(
         return ScopeFinding(answer, (), (), tried, success, why)
     wider = [one for one in tried if one.restores and one.substitute.name in least]
     best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
+    # The smallest answer goes first: one substitute; a pair that beats both of its parts; all at
+    # once.
     singles = [one for one in best if not _is_of_several(one.substitute)]
     if singles:
         return _beside_policies(_of_singles(singles, tried, success, skipped), arms, rng)
@@ -317,51 +319,64 @@ def _of_singles(
     substitutes = _with_peers([one.substitute for one in least], tried)
     if len({one.component for one in substitutes}) > 1:  # then the other boundary has its undo
         substitutes = tuple(replace(one, is_either=False) for one in substitutes)
-    labels = _labels(substitutes)
-    names = ", ".join(substitute.name for substitute in substitutes)
+    # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
+    answer, why = _answer_of(substitutes, rivals, tried)
+    labels = _labels((*substitutes, *rivals))
+    return ScopeFinding(answer, labels, substitutes, tried, success, why)
+
+
+def _answer_of(
+    substitutes: Sequence[IdealSubstitute],
+    rivals: Sequence[IdealSubstitute],
+    tried: Sequence[Tried],
+) -> tuple[Answer, str]:
+    """Answer and reason where each of some substitutes restores.
+
+    Args:
+        rivals: others, which weren't played on fresh seeds.
+    """
+    names = ", ".join(substitute.name for substitute in substitutes)
     if rivals:
         is_undo = any(one.undo is not None for one in rivals)
         what = "other undos from outside" if is_undo else "other ideal substitutes"
-        why = (
+        return "ambiguous", (
             f"{names} restores success, and {len(rivals)} {what} weren't played on fresh seeds, "
             "as the budget was spent: they may restore it too"
         )
-        labels = _labels((*substitutes, *rivals))
-        return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
     if all(one.cut_off == "later" for one in substitutes):
         why = f"{names} restores success: it is cut off too early, or its agents are too slow"
-        return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+        return "ambiguous", why
     if all(one.cut_off is not None for one in substitutes):
-        why = f"{names} restores success, and nothing that was changed of an agent does"
-        return ScopeFinding("protocol", labels, substitutes, tried, success, why)
+        return (
+            "protocol",
+            f"{names} restores success, and nothing that was changed of an agent does",
+        )
     if all(one.component == ENVIRONMENT for one in substitutes):
         why = f"{names} restores success, which is the same for all agents and nobody's own"
-        return ScopeFinding("environment", labels, substitutes, tried, success, why)
+        return "environment", why
     if all(one.component == MESSAGES for one in substitutes):
         why = f"undone by {names}: messages are late or lost on their way, which is no agent's own"
-        return ScopeFinding("environment", labels, substitutes, tried, success, why)
+        return "environment", why
     if any(one.between for one in substitutes):
         places = " or ".join(dict.fromkeys(one.shown for one in substitutes))
-        why = (
+        return "ambiguous", (
             f"undone by {' or '.join(one.name for one in substitutes)}: {places}; whether messages "
             "are said or read wrongly, or change on their way, can't be told apart by this"
         )
-        return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
-    if len({(one.component, one.agents) for one in substitutes}) == 1:
-        why = f"{names} restores success, and no other ideal substitute that was played does"
-        if substitutes[0].undo is not None:
-            why = _undone_by(substitutes)
-        elif len(substitutes) == 1 and _is_joint(substitutes[0], tried):
-            why = f"{names}: all together restore success, none does alone"
-            return ScopeFinding("joint", labels, substitutes, tried, success, why)
-        elif len(substitutes[0].leaves) > 1:
-            why += f": it is {substitutes[0].shown}, all of which is needed"
-        elif not labels:
-            why += f": it is {substitutes[0].shown}; which part of it can't be told apart by this"
-        return ScopeFinding("isolated", labels, substitutes, tried, success, why)
-    why = f"each of {names} restores success, so these causes can't be told apart"
-    return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+    if len({(one.component, one.agents) for one in substitutes}) > 1:
+        why = f"each of {names} restores success, so these causes can't be told apart"
+        return "ambiguous", why
+    if substitutes[0].undo is not None:
+        return "isolated", _undone_by(substitutes)
+    if len(substitutes) == 1 and _is_joint(substitutes[0], tried):
+        return "joint", f"{names}: all together restore success, none does alone"
+    why = f"{names} restores success, and no other ideal substitute that was played does"
+    if len(substitutes[0].leaves) > 1:
+        why += f": it is {substitutes[0].shown}, all of which is needed"
+    elif not _labels(substitutes):
+        why += f": it is {substitutes[0].shown}; which part of it can't be told apart by this"
+    return "isolated", why
 
 
 def _undone_by(substitutes: Sequence[IdealSubstitute]) -> str:

@@ -7,7 +7,6 @@ reason). They are added to a run's annotations, never changed, and no fingerprin
 from __future__ import annotations
 
 import getpass
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from difflib import get_close_matches
@@ -15,6 +14,7 @@ from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.diagnosis.diagnosis_result import Diagnosis
+from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.errors import EvidenceError
@@ -26,7 +26,7 @@ DIAGNOSIS: Final = "diagnosis"
 
 
 @dataclass(frozen=True, slots=True)
-class Labelled:
+class Labelled(PlainData):
     """A failure label.
 
     Attributes:
@@ -47,10 +47,6 @@ class Labelled:
     by: str
     at: str
     proposed: bool
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {name: getattr(self, name) for name in self.__slots__}
 
 
 def label(
@@ -151,24 +147,13 @@ def _known(name: str) -> str:
 
 
 def _check(evidence: Evidence, found: Labelled) -> None:
-    agents: Sequence[Any] = evidence.manifest.get("agents") or ()
-    if found.agent is not None and found.agent not in map(str, agents):
-        raise EvidenceError(
-            f"the run has no agent {found.agent!r}",
-            where="agent",
-            expected=f"one of {', '.join(map(str, agents))}",
-            actual=found.agent,
-            fix="name an agent of the run",
-        )
+    """Refuses a label of an agent, episode or turn that the run doesn't have."""
+    agents = list(map(str, evidence.manifest.get("agents") or ()))
     turns = {row["episode"]: row["turns"] for row in evidence.episode_table.to_pylist()}
+    if found.agent is not None and found.agent not in agents:
+        raise _no_such("agent", found.agent, f"one of {', '.join(agents)}", "the run has")
     if found.episode is not None and found.episode not in turns:
-        raise EvidenceError(
-            f"the run has no episode {found.episode}",
-            where="episode",
-            expected=f"one of {len(turns)} episodes",
-            actual=str(found.episode),
-            fix="name an episode of the run",
-        )
+        raise _no_such("episode", found.episode, f"one of {len(turns)} episodes", "the run has")
     if found.turn is None:
         return
     if found.episode is None:
@@ -181,19 +166,25 @@ def _check(evidence: Evidence, found: Labelled) -> None:
         )
     last = turns[found.episode] or 0
     if not 0 <= found.turn <= last:
-        raise EvidenceError(
-            f"episode {found.episode} has no turn {found.turn}",
-            where="turn",
-            expected=f"0 to {last}",
-            actual=str(found.turn),
-            fix=f"name a turn from 0 to {last}, or another episode",
-        )
+        raise _no_such("turn", found.turn, f"from 0 to {last}", f"episode {found.episode} has")
+
+
+def _no_such(what: str, name: object, expected: str, has: str) -> EvidenceError:
+    return EvidenceError(
+        f"{has} no {what} {name!r}",
+        where=what,
+        expected=expected,
+        actual=str(name),
+        fix=f"name {'a' if what == 'turn' else 'an'} {what} {expected.removeprefix('one of ')}",
+    )
 
 
 def _read(note: dict[str, Any]) -> Labelled:
-    text = {name: str(note.get(name) or "") for name in ("label", "why", "by", "at")}
-    for name, kind in (("agent", str), ("episode", int), ("turn", int)):
-        value = note.get(name)
+    text: dict[str, Any] = {
+        name: str(note.get(name) or "") for name in ("label", "why", "by", "at")
+    }
+    place: dict[str, Any] = {name: note.get(name) for name in ("agent", "episode", "turn")}
+    for (name, value), kind in zip(place.items(), (str, int, int), strict=True):
         if value is not None and type(value) is not kind:
             raise EvidenceError(
                 f"a label's {name} can't be that",
@@ -202,16 +193,7 @@ def _read(note: dict[str, Any]) -> Labelled:
                 actual=repr(value)[:100],
                 fix="restore the annotations from a copy",
             )
-    return Labelled(
-        text["label"],
-        note.get("agent"),
-        note.get("episode"),
-        note.get("turn"),
-        text["why"],
-        text["by"],
-        text["at"],
-        bool(note.get("proposed")),
-    )
+    return Labelled(**text, **place, proposed=bool(note.get("proposed")))
 
 
 def _now() -> str:

@@ -44,8 +44,8 @@ def _smaller(items: list[Item], parts: int, shows: Shows[Item]) -> tuple[list[It
     for begin, end in spans:
         if shows(items[begin:end]):
             return items[begin:end], 2
-    for begin, end in spans if parts > 2 else ():
+    for begin, end in spans if parts > 2 else ():  # of two, what is left is the other one
         rest = items[:begin] + items[end:]
         if shows(rest):
-            return rest, max(parts - 1, 2)
+            return rest, max(parts - 1, 2)  # one part fewer, of the same size
     return None

@@ -265,6 +265,8 @@ def between(
 ) -> tuple[str, ...]:
     """The speaker and the listeners whose messages alone an undo of one agent touches.
 
+    One of when a policy is asked makes up for messages that come late or at intervals.
+
     Args:
         places: by agent, the number of axes of its action.
     Returns:
@@ -286,6 +288,9 @@ def between(
         said = {axis for one in channels if one.source == agent for axis in one.axes}
         if listeners and touched <= said:
             return (agent, *dict.fromkeys(listeners))
+    if undo.component == "timing":  # an agent that acts on the last message outlasts a gap
+        late = [one for one in channels if one.to == agent and (one.lag or not one.is_whole)]
+        return (late[0].source, agent) if late else ()
     return ()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, Self, TypeAlias
 
+from gamekeeper.diagnosis.plain_data import PlainData, frozen
 from gamekeeper.episodes.row_tables import html_table, text_lines
 
 Question: TypeAlias = Literal["falls", "last action"]
@@ -17,7 +18,7 @@ QUESTIONS: Final[Mapping[Question, str]] = {
 Loss: TypeAlias = Literal["action", "draws", "several", "not tried"]
 
 
-class ContinuationShare:
+class ContinuationShare(PlainData):
     """Share of continuations that succeed."""
 
     __slots__: tuple[str, ...] = ()
@@ -31,7 +32,7 @@ class ContinuationShare:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {name: getattr(self, name) for name in self.__slots__} | {"share": self.share}
+        return PlainData.to_json(self) | {"share": self.share}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ class AlternativeAction(ContinuationShare):
 
 
 @dataclass(frozen=True, slots=True)
-class Pivot:
+class Pivot(PlainData):
     """A turn at which success was lost.
 
     Attributes:
@@ -105,17 +106,11 @@ class Pivot:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {name: getattr(self, name) for name in self.__slots__} | {
-            "fall": self.fall,
-            "before": self.before.to_json(),
-            "after": self.after.to_json(),
-            "agents": list(self.agents),
-            "tried": [each.to_json() for each in self.tried],
-        }
+        return PlainData.to_json(self) | {"fall": self.fall}
 
 
 @dataclass(frozen=True, slots=True)
-class EpisodePivots:
+class EpisodePivots(PlainData):
     """Pivots of one failed episode.
 
     Attributes:
@@ -140,37 +135,25 @@ class EpisodePivots:
     by_copies: bool = False
     not_tried: tuple[str, ...] = ()
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {name: getattr(self, name) for name in self.__slots__} | {
-            "curve": [each.to_json() for each in self.curve],
-            "pivots": [each.to_json() for each in self.pivots],
-            "not_tried": list(self.not_tried),
-        }
-
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """The same again."""
+        curve = tuple(_own(CurvePoint, each) for each in data["curve"])
         pivots = tuple(
-            Pivot(
-                turn=each["turn"],
-                before=_point(each["before"]),
-                after=_point(each["after"]),
-                p=each["p"],
-                loss=each["loss"],
-                agents=tuple(each["agents"]),
-                tried=tuple(
-                    AlternativeAction(**_own(AlternativeAction, one)) for one in each["tried"]
-                ),
+            _own(
+                Pivot,
+                each
+                | {name: _own(CurvePoint, each[name]) for name in ("before", "after")}
+                | {"tried": tuple(_own(AlternativeAction, one) for one in each["tried"])},
             )
             for each in data["pivots"]
         )
-        plain = _own(cls, data) | {"curve": tuple(map(_point, data["curve"])), "pivots": pivots}
-        return cls(**plain | {"not_tried": tuple(data["not_tried"])})
+        found: Self = _own(cls, {**data, "curve": curve, "pivots": pivots})
+        return found
 
 
 @dataclass(frozen=True, slots=True)
-class Pivots:
+class Pivots(PlainData):
     """Pivots of a run's failed episodes.
 
     Attributes:
@@ -195,36 +178,20 @@ class Pivots:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper pivots --json` prints."""
-        return {
-            "run": self.run,
-            "fingerprint": self.fingerprint,
-            "failed": {"failed": self.failed[0], "episodes": self.failed[1]},
-            "conditions": dict(self.conditions),
-            "budget": self.budget,
+        return PlainData.to_json(self) | {
+            "failed": dict(zip(("failed", "episodes"), self.failed, strict=True)),
             "steps": sum(each.steps for each in self.episodes),
-            "seed": self.seed,
-            "policies": dict(self.policies),
-            "episodes": [each.to_json() for each in self.episodes],
         }
 
     def rows(self) -> list[list[str]]:
         """A heading and a row for each pivot, as texts."""
-        head = ["episode", "turn", "success before", "after", "agents", "loss"]
-        return [
-            head,
-            *(
-                [
-                    str(each.episode),
-                    str(pivot.turn),
-                    f"{pivot.before.share:.0%}",
-                    f"{pivot.after.share:.0%}",
-                    ", ".join(pivot.agents) or "-",
-                    pivot.loss,
-                ]
-                for each in self.episodes
-                for pivot in each.pivots
-            ),
-        ]
+        rows = [["episode", "turn", "success before", "after", "agents", "loss"]]
+        for each in self.episodes:
+            for one in each.pivots:
+                shares = [f"{point.share:.0%}" for point in (one.before, one.after)]
+                agents = ", ".join(one.agents) or "-"
+                rows.append([str(each.episode), str(one.turn), *shares, agents, one.loss])
+        return rows
 
     def __str__(self) -> str:
         return "\n".join(text_lines(self.rows()))
@@ -233,10 +200,6 @@ class Pivots:
         return html_table(self.rows(), caption=f"Pivots of {self.run}")
 
 
-def _point(data: Mapping[str, Any]) -> CurvePoint:
-    return CurvePoint(**_own(CurvePoint, data))
-
-
-def _own(kind: type[Any], data: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a class in plain data that holds more."""
-    return {name: data[name] for name in kind.__slots__}
+def _own(kind: type[Any], data: Mapping[str, Any]) -> Any:
+    """Frozen data from plain data, which may hold more."""
+    return kind(**{name: frozen(data[name]) for name in kind.__slots__})

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import copy
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
+from gymnasium.spaces import Discrete
 
-from gamekeeper.diagnosis.pivot_actions import DRAWN, ActionOption, ActionOptions
+from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.pivot_result import (
     AlternativeAction,
     CurvePoint,
@@ -17,9 +19,14 @@ from gamekeeper.diagnosis.pivot_result import (
     Loss,
     Pivot,
 )
+from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.interface.joint_policy import JointPolicy
+from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.continuations import Continuations
+from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
+from gamekeeper.runs.recording import cast_of
 from gamekeeper.statistics.significance import fisher_exact, holm, wilson
 
 SPANS: Final = 8
@@ -52,11 +59,12 @@ class PivotSearch:
 
     Attributes:
         is_success: tells if an outcome is one.
+        reference: the environment's own reference policy, if it has one.
     """
 
     play: Continuations
     is_success: Callable[[Outcome], bool]
-    options: ActionOptions
+    reference: JointPolicy | None
     episode: int
     scope: str
     seed: int = 0
@@ -158,7 +166,7 @@ class PivotSearch:
     def _point(self, turn: int, hits: int, n: int, *, looks: int) -> CurvePoint:
         if turn == self.play.turns:  # known: the recorded end
             return CurvePoint(turn, 0, n, 0.0, 0.0)
-        share = wilson(hits, n, level=1 - P / max(looks, 1))
+        share = wilson(hits, n, level=1 - P / max(looks, 1))  # Bonferroni: all points at once
         return CurvePoint(turn, hits, n, share.low, share.high)
 
     # -- the pivots
@@ -199,7 +207,7 @@ class PivotSearch:
             return pivot
         recorded = self.play.course.actions[turn]
         screened: dict[str, list[tuple[int, int, ActionOption]]] = {}
-        for place, option in enumerate(self.options.at(turn)):
+        for place, option in enumerate(self._options(turn)):
             hits, n = self._tried(turn, option, place, range(FEW), recorded)
             screened.setdefault(agent_name(option.agent), []).append((hits, n, option))
         base = self._tried(turn, None, -1, range(CONFIRM), recorded)
@@ -219,6 +227,8 @@ class PivotSearch:
         """The pivot with the agents whose best action wins back enough of the fall."""
         known = [each for each in tried if each.p is not None]
         corrected = dict(zip(map(id, known), holm([e.p or 0.0 for e in known]), strict=True))
+        # From `before` to `held` the recorded actions cost success, with draws made anew; from
+        # `held` to `after` this turn's own draws do.
         held = base[0] / base[1] if base[1] else pivot.after.share
         wanted = held + PART * (pivot.before.share - held)
         rows = []
@@ -264,7 +274,7 @@ class PivotSearch:
                 return ()
             recorded = self.play.course.actions[turn]
             tried = []
-            for place, option in enumerate(self.options.at(turn)):
+            for place, option in enumerate(self._options(turn)):
                 if option.source == DRAWN:
                     continue
                 count = range(CERTAIN if self.play.draws else 1)
@@ -278,6 +288,9 @@ class PivotSearch:
         return ()
 
     # -- continuations
+
+    def _options(self, turn: int) -> Iterator[ActionOption]:
+        return options_at(self.play, self.reference, self.seed, turn)
 
     def _successes(
         self,
@@ -294,6 +307,7 @@ class PivotSearch:
         return sum(map(self.is_success, outcomes)), len(outcomes)
 
     def _numbers(self, purpose: int, turn: int, which: range, *, place: int = 0) -> list[int]:
+        # Words of one key are a sequence: asking for more keeps those that were played.
         key = [self.seed, self.episode, purpose, turn, place + 1]
         words = np.random.SeedSequence(key).generate_state(which.stop)
         return [int(word) >> 1 for word in words[which.start :]]
@@ -305,3 +319,88 @@ class PivotSearch:
 def _tried_action(option: ActionOption, hits: int, n: int) -> AlternativeAction:
     text = None if option.source == DRAWN else option.text
     return AlternativeAction(agent_name(option.agent), text, option.source, hits, n)
+
+
+# -- other actions of the agents at a turn
+
+DRAWN: Final = "policy"
+LEGAL: Final = "legal"
+SAMPLE: Final = "sample"
+MOST_LEGAL: Final = 12
+"""Legal actions of an agent that are tried; of more as many are drawn."""
+SAMPLES: Final = 4
+"""Samples of a space that isn't Discrete."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionOption:
+    """An action of one agent in place of its recorded one.
+
+    Attributes:
+        agent: as the environment knows it.
+        source: `policy`: whatever its policy chooses; `legal`, `sample` or `reference`.
+        action: the action; None for its policy's.
+    """
+
+    agent: Any
+    source: str
+    action: Any = None
+
+    @property
+    def text(self) -> str:
+        """The action as text."""
+        return to_json(self.action)
+
+
+def options_at(
+    play: Continuations, reference: JointPolicy | None, seed: int, turn: int
+) -> Iterator[ActionOption]:
+    """Yields the actions in place of each recorded one of a turn.
+
+    Args:
+        play: gives what agents see at a turn.
+        reference: the environment's own reference policy, if it has one.
+        seed: of samples.
+    """
+    recorded, inputs = play.course.actions[turn], play.inputs(turn)
+    for place, (agent, action) in enumerate(recorded.items()):
+        if action is None or agent not in inputs:  # an ended agent's
+            continue
+        yield ActionOption(agent, DRAWN)
+        offer = offer_of(play.course.contract, play.course.env, agent)
+        rng = np.random.default_rng([13, seed, turn, place])
+        if offer is not None:
+            offer.take(*inputs[agent])
+            yield from _others(offer, agent, action, rng)
+        is_short = offer is not None and _is_listed(offer)
+        if reference is not None and not is_short:
+            yield ActionOption(agent, REFERENCE, reference.act(agent, *inputs[agent]))
+
+
+def reference_of(env: Any, contract: Contract) -> JointPolicy | None:
+    """The environment's own reference policy, if it has one."""
+    own = getattr(env.unwrapped, "policies", None)
+    if not isinstance(own, Mapping) or REFERENCE not in own:
+        return None
+    return cast_of(REFERENCE, env, contract)
+
+
+def _is_listed(offer: Offer) -> bool:
+    return isinstance(offer.space, Discrete) and int(offer.space.n) <= MOST_LEGAL
+
+
+def _others(
+    offer: Offer, agent: Any, recorded: Any, rng: np.random.Generator
+) -> Iterator[ActionOption]:
+    space = offer.space
+    if isinstance(space, Discrete):
+        every = range(int(space.start), int(space.start + space.n))
+        legal = [each for each in every if each != int(recorded) and offer.allows(each)]
+        if len(legal) > MOST_LEGAL:
+            legal = sorted(rng.choice(legal, MOST_LEGAL, replace=False).tolist())
+        yield from (ActionOption(agent, LEGAL, space.dtype.type(each)) for each in legal)
+        return
+    own = copy.deepcopy(space)
+    own.seed(int(rng.integers(1 << 31)))
+    drawn = [own.sample() for _ in range(SAMPLES)]
+    yield from (ActionOption(agent, SAMPLE, each) for each in drawn if offer.allows(each))

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.arms import SILENCE_S, play_shares
-from gamekeeper.diagnosis.pivot_actions import ActionOptions, reference_of
 from gamekeeper.diagnosis.pivot_result import EpisodePivots, Pivots
-from gamekeeper.diagnosis.pivot_search import PivotSearch
+from gamekeeper.diagnosis.pivot_search import PivotSearch, reference_of
 from gamekeeper.diagnosis.played_setup import (
     OpenSetup,
     Setup,
     consent_to,
     contract_of,
+    course_of,
     other_policies,
     setup_of,
 )
-from gamekeeper.diagnosis.recorded_course import course_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome_of
 from gamekeeper.errors import EvidenceError
@@ -206,12 +204,9 @@ def _searched(
     course = course_of(evidence, stage, number)
     play = Continuations(course, budget=budget, on_step=report)
     conditions = failures(contract, condition)
-    options = ActionOptions(play, contract, reference_of(stage.env, contract), seed)
-    is_success = partial(_succeeds, conditions=conditions, contract=contract, scope=scope)
-    return PivotSearch(play, is_success, options, number, scope, seed).run()
 
+    def is_success(outcome: Outcome) -> bool:
+        return not failed(outcome, conditions, contract).get(scope, True)
 
-def _succeeds(
-    outcome: Outcome, *, conditions: Mapping[str, Any], contract: Contract, scope: str
-) -> bool:
-    return not failed(outcome, conditions, contract).get(scope, True)
+    reference = reference_of(stage.env, contract)
+    return PivotSearch(play, is_success, reference, number, scope, seed).run()

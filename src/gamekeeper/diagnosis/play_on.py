@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.spaces import Discrete
 
+from gamekeeper.diagnosis.plain_data import frozen
 from gamekeeper.diagnosis.played_setup import Setup, consent_to, setup_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError, GamekeeperError
@@ -41,10 +42,7 @@ LIMIT_S: Final = 600.0
 MOST_LISTED: Final = 200
 """Actions of a space that are offered by number."""
 BUILT_IN: Final = ("random", "first-legal", "noop")
-TASKS: Final = "gamekeeper.diagnosis.play_on_tasks"
-PLAY: Final = f"{TASKS}:futures_task"
-RECORD: Final = f"{TASKS}:record_task"
-OFFER: Final = f"{TASKS}:offers_task"
+TASK: Final = "gamekeeper.diagnosis.play_on_tasks:play_on_task"
 
 Progress = Callable[[dict[str, Any]], None]
 
@@ -258,8 +256,8 @@ def futures(
     draws = np.random.default_rng([29, seed]).choice(1 << 31, size=count, replace=False)
     known = options or PlayOnOptions()
     extra = {"numbers": draws.tolist(), "budget": known.budget}
-    answer, _ = _in_worker(PLAY, run, branch, known, extra, on_message)
-    arms = {name: _arm_of(answer[name]) for name in ("as_recorded", "changed")}
+    answer, _ = _in_worker("futures", run, branch, known, extra, on_message)
+    arms = {name: FutureArm(**frozen(answer[name])) for name in ("as_recorded", "changed")}
     return Futures(branch, count, answer["steps"], **arms)
 
 
@@ -282,7 +280,7 @@ def record_future(
         RunError: `out` can't be written.
     """
     extra = {"number": number, "out": str(Path(out).absolute())}
-    answer, rule = _in_worker(RECORD, run, branch, options or PlayOnOptions(), extra, None)
+    answer, rule = _in_worker("record", run, branch, options or PlayOnOptions(), extra, None)
     if rule not in OWN_RULES:
         own_runs.forget(load(out).root)
     return bool(answer["replays"])
@@ -301,7 +299,7 @@ def offers(
     known = options or PlayOnOptions()
     evidence = evidence_of(run)
     branch = BranchPoint(episode=episode, turn=0, agent="", policy=BUILT_IN[0])
-    answer, _ = _in_worker(OFFER, run, branch, known, {}, None)
+    answer, _ = _in_worker("offers", run, branch, known, {}, None)
     setup = _setup(evidence, branch, known)
     named = sorted(name for name in policies_in(setup) if shared_with(name) is None)
     every = list(dict.fromkeys([*BUILT_IN[:2], *answer["ways"], *named, *known.tried]))
@@ -318,7 +316,7 @@ def offers(
 
 
 def _in_worker(
-    task: str,
+    kind: str,
     run: str | PathLike[str] | Evidence,
     branch: BranchPoint,
     options: PlayOnOptions,
@@ -328,7 +326,7 @@ def _in_worker(
     """Runs a task under consent; its answer, and the rule by which code of the run was run."""
     evidence = whole_evidence(run, allow_import=options.allow_import)
     setup = _setup(evidence, branch, options)
-    chosen = [name for name in options.tried if name == branch.policy or task == OFFER]
+    chosen = [name for name in options.tried if name == branch.policy or kind == "offers"]
     allowed = {*BUILT_IN, *options.tried, *policies_in(setup)}
     if branch.policy is not None and ":" in branch.policy and branch.policy not in allowed:
         raise EvidenceError(
@@ -340,6 +338,7 @@ def _in_worker(
         )
     consent = _consent(evidence, setup, options, chosen)
     arguments = {
+        "kind": kind,
         "run": str(evidence.path),
         "setup": setup.to_json(),
         "contract": evidence.contract.to_json(),
@@ -348,7 +347,7 @@ def _in_worker(
     }
     with consent as given:
         outcome = run_task(
-            task,
+            TASK,
             arguments,
             silence_s=options.silence_s,
             limit_s=options.limit_s,
@@ -411,14 +410,3 @@ def _setup(evidence: Evidence, branch: BranchPoint, options: PlayOnOptions) -> S
 def policies_in(setup: Setup) -> set[str]:
     """Names of the policies of a set-up."""
     return {name for name in setup.policies.values() if isinstance(name, str)}
-
-
-def _arm_of(data: Mapping[str, Any]) -> FutureArm:
-    return FutureArm(
-        numbers=tuple(data["numbers"]),
-        returns={agent: tuple(values) for agent, values in data["returns"].items()},
-        turns=tuple(data["turns"]),
-        paths=tuple(tuple((int(t), value) for t, value in path) for path in data["paths"]),
-        failed=tuple(data["failed"]),
-        errors=tuple(data["errors"]),
-    )

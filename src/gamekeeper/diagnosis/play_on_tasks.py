@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.plain_data import frozen
 from gamekeeper.diagnosis.play_on import BUDGET, BranchPoint
-from gamekeeper.diagnosis.played_setup import OpenSetup, Setup, traits_of
-from gamekeeper.diagnosis.recorded_course import course_of
+from gamekeeper.diagnosis.played_setup import OpenSetup, Setup, course_of, recorder_of, traits_of
 from gamekeeper.episodes.agent_spec import as_action
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -20,7 +22,6 @@ from gamekeeper.interface.action_mask import reader
 from gamekeeper.interface.legality import allows
 from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recorder import RunRecorder
 from gamekeeper.runs.replay_runner import ReplayRunner
 
 POINTS: Final = 120
@@ -30,101 +31,99 @@ Played = list[tuple[Outcome, list[float]]]
 """Outcomes of futures, each with its path."""
 
 
-def offers_task(
+def play_on_task(
     report: Callable[..., None],
     *,
+    kind: str,
     run: str,
     setup: Mapping[str, Any],
     contract: Any,
     branch: Mapping[str, Any],
+    **extra: Any,
 ) -> dict[str, Any]:
-    """Names the policies that the environment brings, by opening it in this process."""
-    try:
-        with OpenSetup(Setup.from_json(setup), Contract.from_json(contract)) as stage:
-            return {"error": None, "ways": list(traits_of(stage, {}).ways)}
-    except GamekeeperError as error:
-        return {"error": error.to_json()}
+    """Offers what may play on, plays futures or records one, in this process.
 
-
-def futures_task(
-    report: Callable[..., None],
-    *,
-    run: str,
-    setup: Mapping[str, Any],
-    contract: Any,
-    branch: Mapping[str, Any],
-    numbers: Sequence[int],
-    budget: int,
-) -> dict[str, Any]:
-    """Plays both arms in this process; `report` hears of each future."""
-    point, declared, evidence = BranchPoint(**branch), Contract.from_json(contract), load(run)
-    try:
-        with OpenSetup(Setup.from_json(setup), declared) as stage:
-            course = course_of(evidence, stage, point.episode)
-            play = Continuations(course, budget=budget, on_step=report)
-            held, base = _held(play, point)
-            found: Played = []
-            for each in play.paths(point.turn, numbers, held=base):
-                found.append(each)
-                report(played=len(found), of=2 * len(numbers))
-            answer = {"as_recorded": _arm(found, numbers, point.turn, declared)}
-            steps = play.steps
-            other = play if point.policy is None else _other(evidence, stage, point, budget, report)
-            other.steps, other.budget = 0, max(budget - steps, 1)
-            changed: Played = []
-            for each in other.paths(point.turn, numbers[: len(found)], held=held):
-                changed.append(each)
-                report(played=len(found) + len(changed), of=2 * len(numbers))
-            answer["changed"] = _arm(changed, numbers, point.turn, declared)
-            if len(changed) < len(found):  # pairs, as far as both were played
-                answer["as_recorded"] = _arm(found[: len(changed)], numbers, point.turn, declared)
-            if point.policy is not None:
-                other.course.env.close()
-    except GamekeeperError as error:
-        return {"error": error.to_json()}
-    return {"error": None, "steps": steps + other.steps, **answer}
-
-
-def record_task(
-    report: Callable[..., None],
-    *,
-    run: str,
-    setup: Mapping[str, Any],
-    contract: Any,
-    branch: Mapping[str, Any],
-    number: int | None,
-    out: str,
-) -> dict[str, Any]:
-    """Records one future in this process, and replays it."""
+    Args:
+        kind: `offers`, `futures` or `record`.
+        extra: arguments of that.
+    """
     point, declared, evidence = BranchPoint(**branch), Contract.from_json(contract), load(run)
     chosen = Setup.from_json(setup)
-    if point.policy is not None:
+    if kind == "record" and point.policy is not None:
         chosen = chosen.with_policy(point.agent, point.policy)
     try:
         with OpenSetup(chosen, declared) as stage:
-            course = course_of(evidence, stage, point.episode)
-            play = Continuations(course, budget=BUDGET, copies=False, on_step=report)
-            held, _ = _held(play, point)
-            sink = RunRecorder(
-                out,
-                environment=stage.opened.identity,
-                contract=declared if evidence.manifest.get("contract") else None,
-                run_seed=evidence.manifest.get("seed"),
-                terms=tuple(evidence.manifest.get("terms") or ()),
-                volatile=declared.volatile_infos(),
-                is_timed=False,
-                extra={"played_on": {**branch, "number": number, "root": evidence.root}},
-            )
-            try:
-                play.record(point.turn, sink, number=number, held=held)
-            finally:
-                sink.close()
-            kept = load(out)
-            header = kept.header(0)
-            again = ReplayRunner(kept, stage.opened).play(header)
+            if kind == "offers":
+                answer: dict[str, Any] = {"ways": list(traits_of(stage, {}).ways)}
+            elif kind == "futures":
+                answer = _futures(evidence, stage, point, report, **extra)
+            else:
+                answer = _recorded(evidence, stage, point, report, **extra)
     except GamekeeperError as error:
         return {"error": error.to_json()}
-    return {"error": None, "replays": again["fingerprint"] == header["fingerprint"]}
+    return {"error": None, **answer}
+
+
+def _futures(
+    evidence: Evidence,
+    stage: OpenSetup,
+    point: BranchPoint,
+    report: Callable[..., None],
+    *,
+    numbers: Sequence[int],
+    budget: int,
+) -> dict[str, Any]:
+    """Plays both arms; `report` hears of each future."""
+    play = Continuations(course_of(evidence, stage, point.episode), budget=budget, on_step=report)
+    held, base = _held(play, point)
+    found: Played = []
+    for each in play.paths(point.turn, numbers, held=base):
+        found.append(each)
+        report(played=len(found), of=2 * len(numbers))
+    steps = play.steps
+    other = play if point.policy is None else _other(evidence, stage, point, budget, report)
+    other.steps, other.budget = 0, max(budget - steps, 1)
+    changed: Played = []
+    for each in other.paths(point.turn, numbers[: len(found)], held=held):
+        changed.append(each)
+        report(played=len(found) + len(changed), of=2 * len(numbers))
+    if point.policy is not None:
+        other.course.env.close()
+    pairs = found[: len(changed)]  # as far as both were played
+    arms = {"as_recorded": pairs, "changed": changed}
+    told = {name: _arm(each, numbers, point.turn, stage.contract) for name, each in arms.items()}
+    return {"steps": steps + other.steps, **told}
+
+
+def _recorded(
+    evidence: Evidence,
+    stage: OpenSetup,
+    point: BranchPoint,
+    report: Callable[..., None],
+    *,
+    number: int | None,
+    out: str,
+) -> dict[str, Any]:
+    """Records one future, and replays it."""
+    course, manifest = course_of(evidence, stage, point.episode), evidence.manifest
+    play = Continuations(course, budget=BUDGET, copies=False, on_step=report)
+    held, _ = _held(play, point)
+    sink = recorder_of(
+        stage.opened,
+        out,
+        stage.contract,
+        run_seed=manifest.get("seed"),
+        contract=stage.contract if manifest.get("contract") else None,
+        terms=tuple(manifest.get("terms") or ()),
+        is_timed=False,
+        extra={"played_on": {**asdict(point), "number": number, "root": evidence.root}},
+    )
+    with closing(sink):
+        play.record(point.turn, sink, number=number, held=held)
+    kept = load(out)
+    header = kept.header(0)
+    again = ReplayRunner(kept, stage.opened).play(header)
+    return {"replays": again["fingerprint"] == header["fingerprint"]}
 
 
 def _other(
@@ -185,18 +184,11 @@ def _action(course: RecordedCourse, agent: Any, point: BranchPoint, recorded: An
     """The action in the space's types; a whole number is of the type that was recorded."""
     space = course.env.action_space(agent)
     try:
-        action = as_action(space, _frozen(point.action))
+        action = as_action(space, frozen(point.action))
     except (ValueError, TypeError) as error:
         raise _illegal(point, str(space)) from error
     is_number = isinstance(action, int | np.integer) and isinstance(recorded, int | np.integer)
     return type(recorded)(action) if is_number else action
-
-
-def _frozen(value: Any) -> Any:
-    """Lists as the tuples that declared actions hold."""
-    if isinstance(value, Mapping):
-        return {name: _frozen(each) for name, each in value.items()}
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
 def _illegal(point: BranchPoint, expected: str) -> ActionError:

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from os import PathLike
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
@@ -19,16 +19,20 @@ from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.interface.identity import spec_of
-from gamekeeper.interface.opening import open_env
+from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.policy import EVERYONE, REFERENCE, SAME, reset_policy, shared_with
 from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.rollouts.continuations import RecordedCourse
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
 from gamekeeper.rollouts.intervention import Intervention
+from gamekeeper.rollouts.reruns import play_of
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, NAMES, object_of_this_process
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.consent import Consent, consented
+from gamekeeper.runs.recorder import RunRecorder
 from gamekeeper.runs.recording import cast_of
-from gamekeeper.runs.standing import choices_of
+from gamekeeper.runs.replay_runner import ReplayRunner
+from gamekeeper.runs.standing import choices_in, choices_of
 
 CUT: Final = "cut"
 
@@ -137,6 +141,7 @@ def setup_of(
     identity = evidence.manifest["environment"]
     named = _named_policies(evidence, dict(policies or {}))
     spec = spec_of(identity) if env is None else env
+    # Without `aec:` or `parallel:` (9 characters) in front it is opened as what was recorded.
     if isinstance(spec, str) and env is not None and ":" not in spec.split("/")[0][:9]:
         spec = f"{identity.get('api')}:{spec}" if identity.get("api") else spec
     text = json.dumps(identity.get("kwargs") or {}, separators=(",", ":"))
@@ -262,19 +267,17 @@ def longest_of(evidence: Evidence) -> int:
     return max([1, *(evidence.turns_of(header) for header in evidence.headers)])
 
 
-def played_identity(opened: Any, described: str, options: Sequence[Any]) -> dict[str, Any]:
-    """Identity of an experiment as plain data.
+def recorder_of(
+    opened: Opened, folder: str | PathLike[str], declared: Contract, **more: Any
+) -> RunRecorder:
+    """Recorder of a new run of an open environment.
 
     Args:
-        opened: the environment, as `open_env` gives it.
-        described: its policies, as evidence names them, in JSON.
-        options: of the resets.
+        more: arguments of the recorder; they go before what follows from the contract.
     """
-    kept = ("entry_point", "api", "kwargs", "source_digest", "versions")
-    plain = {key: opened.identity.get(key) for key in kept}
-    plain |= {"options": list(options), "policies": json.loads(described)}
-    found: dict[str, Any] = json.loads(json.dumps(plain, default=repr))
-    return found
+    terms, volatile = tuple(declared.rewards), declared.volatile_infos()
+    given = {"contract": declared, "terms": terms, "volatile": volatile, **more}
+    return RunRecorder(folder, environment=opened.identity, **given)
 
 
 class OpenSetup:
@@ -283,7 +286,7 @@ class OpenSetup:
     Attributes:
         opened, env: the environment.
         described: its policies, as evidence names them.
-        cast: its policies.
+        cast: its policies; None where it has none.
         contract: names reward terms and volatile infos.
     """
 
@@ -300,9 +303,12 @@ class OpenSetup:
         self._undo: list[Callable[[], None]] = []
         self._renew: Callable[[], None] | None = None
         try:
-            self.cast: Any = cast_of(dict(setup.policies), self.env, contract)
-            agents = list(getattr(self.env, "possible_agents", ()))
-            self.described = to_json(self.cast.described(agents))
+            self.cast: Any = None
+            self.described = to_json(None)
+            if setup.policies:
+                self.cast = cast_of(dict(setup.policies), self.env, contract)
+                agents = list(getattr(self.env, "possible_agents", ()))
+                self.described = to_json(self.cast.described(agents))
             self._set()
             if setup.renews:
                 self._renew = self.cast.renewer(setup.renews)
@@ -314,7 +320,7 @@ class OpenSetup:
             self.close()
             raise
 
-    def __enter__(self) -> OpenSetup:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -332,7 +338,7 @@ class OpenSetup:
     ) -> Outcome:
         """Outcome of episode number `episode` of a run."""
         return tally(
-            self._play(run_seed, episode),
+            self.plan(run_seed, episode),
             self.env,
             cast=self.cast,
             cast_seed=run_seed,
@@ -350,7 +356,7 @@ class OpenSetup:
             change: in place of the set-up's own.
         """
         return perform(
-            self._play(run_seed, episode),
+            self.plan(run_seed, episode),
             self.env,
             cast=self.cast,
             cast_seed=run_seed,
@@ -362,9 +368,14 @@ class OpenSetup:
     @property
     def identity(self) -> dict[str, Any]:
         """Identity of an experiment: source, arguments, options and policies."""
-        return played_identity(self.opened, self.described, self.setup.options)
+        kept = ("entry_point", "api", "kwargs", "source_digest", "versions")
+        plain = {key: self.opened.identity.get(key) for key in kept}
+        plain |= {"options": list(self.setup.options), "policies": json.loads(self.described)}
+        found: dict[str, Any] = json.loads(json.dumps(plain, default=repr))
+        return found
 
-    def _play(self, run_seed: int, episode: int) -> EpisodePlan:
+    def plan(self, run_seed: int, episode: int) -> EpisodePlan:
+        """What episode number `episode` of a run is played by; objects that it renews are new."""
         if self._renew is not None:
             self._renew()
         options = self.setup.options
@@ -499,3 +510,54 @@ class _Forgetful:
     def _forget(self, agent: Any) -> None:
         if agent_name(agent) in self._agents:
             reset_policy(self._cast.chosen_for(agent).policy, self._seed)
+
+
+# -- a recorded episode in an opened set-up, ready to be played on
+
+
+def course_of(evidence: Evidence, stage: OpenSetup, number: int) -> RecordedCourse:
+    """The episode's course, once it has been replayed and is as it was recorded.
+
+    Args:
+        evidence: full evidence of the run.
+        stage: its set-up, or one with other policies.
+    Raises:
+        EvidenceError: played by itself, the episode doesn't come out as it was recorded.
+    """
+    _check_alone(evidence, stage.opened, number)
+    trace, header = evidence.episode(number), evidence.header(number)
+    return RecordedCourse(
+        play_of(trace, stage.env, evidence.manifest.get("action_types")),
+        stage.env,
+        stage.cast,
+        evidence.manifest.get("seed") or 0,
+        stage.contract,
+        stage.setup.most_turns,
+        dict(stage.setup.policies) == choices_in(header["policies"]),
+    )
+
+
+def check_last(evidence: Evidence, opened: Opened) -> None:
+    """Checks that the last episode with a seed comes out by itself as it was recorded.
+
+    Raises:
+        EvidenceError: it doesn't, as where it depends on those before it.
+    """
+    rows = evidence.episode_table.select(["episode", "seed"]).to_pylist()
+    seeded = [row["episode"] for row in rows if row["seed"] is not None]
+    if seeded:
+        _check_alone(evidence, opened, seeded[-1])
+
+
+def _check_alone(evidence: Evidence, opened: Opened, number: int) -> None:
+    header, again = evidence.header(number), None
+    if header["seed"] is not None:
+        again = ReplayRunner(evidence, opened).play(header)
+    if again is None or again["fingerprint"] != header["fingerprint"]:
+        raise EvidenceError(
+            "the episode doesn't come out the same when it is played again by itself",
+            where=f"episode {number}",
+            actual="it was reset without a seed" if again is None else "another fingerprint",
+            fix="gamekeeper replay RUN: where it verifies, the episode depends on those before it "
+            "(gamekeeper audit ENV --select GK604); else it looks for the cause",
+        )

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
+from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import ActionError, PolicyError
 from gamekeeper.interface.packing import type_name_of
@@ -16,7 +17,7 @@ MOST: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class RaisedPolicy:
+class RaisedPolicy(PlainData):
     """A policy that broke episodes off.
 
     Attributes:
@@ -33,8 +34,7 @@ class RaisedPolicy:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        found = {name: getattr(self, name) for name in self.__slots__}
-        return {**found, "turns": list(self.turns), "text": str(self)}
+        return {**PlainData.to_json(self), "text": str(self)}
 
     def __str__(self) -> str:
         first, last = self.turns

@@ -17,6 +17,7 @@ from gymnasium.spaces import Box, Space
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes import canonical
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.row_tables import html_text
@@ -41,7 +42,7 @@ COMMON: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class ResponseTest:
+class ResponseTest(PlainData):
     """Reactions of one agent's policy to recorded observations with one field changed.
 
     Attributes:
@@ -51,6 +52,7 @@ class ResponseTest:
         is_repeatable: the same feed with the same random stream gives the same actions; where it
             doesn't, nothing but `randomness` is measured.
         randomness: part of the actions that another random stream changes; 0: it draws nothing.
+            Where it isn't repeatable: that differ with the same stream.
         lags: number of reactions by lag of the first action that differed, in the agent's own
             decisions.
         memory: most decisions between a change and the last action that differed.
@@ -86,12 +88,7 @@ class ResponseTest:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        found = {name: getattr(self, name) for name in self.__slots__}
-        lags = {str(lag): count for lag, count in sorted(self.lags.items())}
-        return {**found, "lags": lags, "lag": self.lag, "deaf": list(self.deaf)} | {
-            "sensitivity": dict(self.sensitivity),
-            "text": str(self),
-        }
+        return {**PlainData.to_json(self), "lag": self.lag, "text": str(self)}
 
     def _repr_html_(self) -> str:
         return html_text(str(self))
@@ -100,7 +97,10 @@ class ResponseTest:
         if self.left_over:
             return f"can't be tested: {self.left_over}"
         if not self.is_repeatable:
-            return "can't be tested: the same observations and draws give other actions"
+            return (
+                "can't be tested, as it has randomness of its own: the same observations and "
+                f"draws give other actions at {self.randomness:.0%} of its decisions"
+            )
         if self.failures and not self.changes:
             return "chooses no legal action after any change of its observations"
         if not self.reactions:
@@ -181,14 +181,14 @@ def response_test(
             lags[differing[0] - at] += 1
             memory = max(memory, differing[-1] - at)
             reacted[str(field)] += 1
-    pairs = list(zip(bases, others, strict=True))
+    pairs = list(zip(bases, others if is_repeatable else again, strict=True))
     decisions = max(sum(len(base) for base in bases), 1)
     return ResponseTest(
         changes=tried.total(),
         reactions=reacted.total(),
         is_repeatable=is_repeatable,
         randomness=sum(len(_differing(*pair)) for pair in pairs) / decisions,
-        lags=dict(lags),
+        lags=dict(sorted(lags.items())),
         memory=memory,
         deaf=tuple(name for name in tried if not reacted[name]),
         sensitivity={name: reacted[name] / count for name, count in tried.items()},

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.plain_data import PlainData
+from gamekeeper.diagnosis.played_setup import recorder_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures
@@ -23,14 +25,13 @@ from gamekeeper.rollouts.reruns import play_of, shrink
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.consent import consented
 from gamekeeper.runs.expanding import whole_evidence
-from gamekeeper.runs.recorder import RunRecorder
 
 TRIES: Final = 2_000
 """Plays that the search may take unless told otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
-class Shrunk:
+class Shrunk(PlainData):
     """The shortest failing play that was found.
 
     Attributes:
@@ -57,9 +58,7 @@ class Shrunk:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        plain = {name: getattr(self, name) for name in self.__slots__ if name != "actions"}
-        lists = {"turns": list(self.turns), "acts": list(self.acts)}
-        return {**plain, **lists, "endings": dict(self.endings)}
+        return {name: x for name, x in PlainData.to_json(self).items() if name != "actions"}
 
 
 def shrunk(
@@ -205,16 +204,7 @@ def _opened(evidence: Evidence, env: object | None) -> Opened:
 
 def _keep(opened: Opened, play: EpisodePlan, folder: Path, contract: Contract) -> None:
     """Records a play into a run."""
-    sink = RunRecorder(
-        folder,
-        environment=opened.identity,
-        contract=contract,
-        terms=tuple(contract.rewards),
-        volatile=contract.volatile_infos(),
-    )
-    try:
+    with closing(recorder_of(opened, folder, contract)) as sink:
         capture = capture_of(opened.env, sink=sink)
         EpisodeLoop(play, capture, None, Hooks(), None, lambda: None, contract).run()
         capture.end_episode()
-    finally:
-        sink.close()

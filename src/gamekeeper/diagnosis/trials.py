@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -22,6 +23,7 @@ from gamekeeper.episodes.outcome import LABELS, members_of
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.intervention import Intervention
+from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS
 
 PERCEPTION, ESTIMATION, PLANNING, CONTROL, TIMING, DATA, EVALUATION = LABELS
@@ -39,6 +41,7 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
+SHIFTS: Final = ("shift field", "shift axis")
 PIXELS: Final = 255.0
 """A factor of an observation that is one of units, of pixels."""
 COMPONENTS: Final = (*LABELS, POLICY, MEMORY, CARRIED, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
@@ -99,12 +102,18 @@ class IdealSubstitute:
         That makes up for other units, errors in what is computed with it, and weak actions.
         """
         undo = self.undo
-        return undo is not None and undo.way == "rescale fields" and 1 < undo.amount < PIXELS
+        is_all = undo is not None and undo.way == "rescale fields" and not undo.places
+        return undo is not None and is_all and 1 < undo.amount < PIXELS
 
     @property
     def is_offset(self) -> bool:
-        """Tells whether it adds a constant: a wrong sensor, action and aim may all need one."""
-        return self.undo is not None and self.undo.way in ("shift field", "shift axis")
+        """Tells whether it adds a constant to one number, or multiplies it by one.
+
+        A wrong sensor, action and aim may all need that.
+        """
+        undo = self.undo
+        is_scale = undo is not None and undo.way in ("rescale fields", "rescale axes")
+        return undo is not None and (undo.way in SHIFTS or (is_scale and bool(undo.places)))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -140,8 +149,9 @@ class IdealSubstitute:
         if self.is_gain:
             return f"{whose}gain, from what is observed to what is done"
         if self.is_offset:
+            kind = "offset" if self.undo is not None and self.undo.way in SHIFTS else "factor"
             return (
-                f"a constant offset in what {joined_names(self.agents)} observes, aims at or does"
+                f"a constant {kind} in what {joined_names(self.agents)} observes, aims at or does"
             )
         if self.is_pair:
             return " and ".join(dict.fromkeys(part.shown for part in self.parts))
@@ -300,30 +310,43 @@ def swaps_of(
         yield from (_swap(agent, f"the policy {shown}", policy) for agent in members)
 
 
-def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterator[IdealSubstitute]:
+def peers_of(
+    setup: Setup, contract: Contract, agents: Sequence[str], env: object = None
+) -> Iterator[IdealSubstitute]:
     """For each agent the policies of others of its role, where they have others; a few each.
 
-    Then each of these in the place of all of the role that have another one.
+    Then each of these in the place of all of the role that have another one. Agents that neither
+    a declared role nor their names join with any other are peers where `env` gives them equal
+    spaces.
     """
     groups: dict[tuple[str, str], list[IdealSubstitute]] = {}
+    roles = _roles_of(contract, agents, env)
     for agent in agents:
         own = setup.policy_of(agent, contract)
-        role = contract.role_of(agent) or role_in_name(agent)
         others = {
-            peer: setup.policy_of(peer, contract)
-            for peer in agents
-            if (contract.role_of(peer) or role_in_name(peer)) == role
+            peer: setup.policy_of(peer, contract) for peer in agents if roles[peer] == roles[agent]
         }
         unlike = [(peer, x) for peer, x in others.items() if x is not None and x != own]
         for peer, policy in unlike[:PEERS]:
             with contextlib.suppress(Exception):  # foreign code; what can't be copied isn't tried
                 one = _swap(agent, f"{peer}'s policy", copy.deepcopy(policy))
-                groups.setdefault((role, peer), []).append(one)
+                groups.setdefault((roles[agent], peer), []).append(one)
                 yield one
     for (_, peer), swaps in groups.items():
         if len(swaps) > 1:
             names = joined_names([one.agents[0] for one in swaps])
             yield joined(swaps, f"giving {names} {peer}'s policy")
+
+
+def _roles_of(contract: Contract, agents: Sequence[str], env: object) -> dict[str, str]:
+    """Role of each agent; of one that is alone in its, that of the first such with its spaces."""
+    roles = {agent: contract.role_of(agent) or role_in_name(agent) for agent in agents}
+    size = Counter(roles.values())
+    alone = [each for each in agents if size[roles[each]] == 1 and contract.role_of(each) is None]
+    spaces = {each: (observation_space(env, each), action_space(env, each)) for each in alone}
+    for agent in (each for each in alone if None not in spaces[each]):
+        roles[agent] = next(roles[like] for like in alone if spaces[like] == spaces[agent])
+    return roles
 
 
 def renewals_of(setup: Setup, traits: SetupTraits) -> Iterator[IdealSubstitute]:
@@ -381,8 +404,17 @@ def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
             parts = list({one.agents: one for one in parts[::-1]}.values())[::-1]
         if len(parts) > 1:
             whole = f"everything of {component} at once"
-            names = joined_names([part.name for part in parts])
-            yield joined(parts, names if component == POLICY else whole)
+            yield joined(parts, " and ".join(briefly(parts)) if component == POLICY else whole)
+
+
+def briefly(parts: Iterable[IdealSubstitute]) -> list[str]:
+    """Names of ideal substitutes; those that give single agents the same are one."""
+    found: dict[str, list[str]] = {}
+    for part in parts:
+        shown = part.name.removeprefix(f"giving {part.agents[0]} ") if part.agents else part.name
+        is_merged = len(part.agents) == 1 and shown != part.name
+        found.setdefault(shown if is_merged else part.name, []).extend(part.agents[:is_merged])
+    return [f"giving {joined_names(who)} {shown}" if who else shown for shown, who in found.items()]
 
 
 def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSubstitute:

@@ -37,7 +37,7 @@ MOST_SHIFTED: Final = 12
 PARTS: Final = (0.2, 0.35, 0.1, 0.6)
 """Parts of a span that are added, likely ones first."""
 SHIFTED: Final = 4
-"""Tier of constants: they are many."""
+"""Tier of constants: they are many. Factors of one number come after them."""
 NONE: Final = frozenset[str]()
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
@@ -56,14 +56,16 @@ def observation_undos(
             yield from _value_undos(agents, one, "exchange values", one.name, tier=3)
     for at, one in enumerate(shown):
         for two in shown[at + 1 :]:
-            if {one.name, two.name} <= deaf or (one.low, one.high) != (two.low, two.high):
-                continue
             apart = two.place - one.place
+            is_alike = (one.low, one.high) == (two.low, two.high)
+            is_close = apart == 1 and one.part.space.dtype == two.part.space.dtype
+            if {one.name, two.name} <= deaf or not (is_alike or is_close):
+                continue
             pair = BoundaryUndo(
                 agents, "exchange fields", (one.place, two.place), names=(one.name, two.name)
             )
-            yield (0 if apart == 1 else 1 + apart), pair
-            if apart == 1 and _has_middle(one):
+            yield (0 if apart == 1 else 1 + apart) + (not is_alike), pair
+            if is_alike and apart == 1 and _has_middle(one):
                 for quarters in (1, 2, 3):
                     yield 1, replace(pair, way="turn fields", amount=float(quarters))
     yield from _part_undos(agents, shown, deaf)
@@ -147,22 +149,32 @@ def shift_undos(
     axes: Sequence[NumberField],
     own: Sequence[Any],
 ) -> Iterator[Candidate]:
-    """Constants added to a field of what an agent observes, or to an axis of what it does.
+    """Constants added to a field of what an agent observes, or an axis of what it does; factors.
 
-    How much is told by the values that were recorded: a few parts of the span of most of them.
+    How much is added is told by recorded values: a few parts of the span of most of them.
     """
     for one in fields if len(fields) <= MOST_SHIFTED else ():
         values = _numbers(one, own)
         if one.name in deaf or not values.size:
             continue
         low, high = np.quantile(values, (0.05, 0.95))
+        undo = BoundaryUndo(agents, "shift field", (one.place,), names=(one.name,))
         for by in _constants(float(high - low), is_whole=one.is_whole):
-            undo = BoundaryUndo(agents, "shift field", (one.place,), by, names=(one.name,))
-            yield SHIFTED, undo
+            yield SHIFTED, replace(undo, amount=by)
+        yield from _scaled(replace(undo, way="rescale fields"), one, fields)
     for one in axes if len(axes) <= MOST_SHIFTED else ():
         if np.isfinite([one.low, one.high]).all() and not one.is_whole:
             for by in _constants(one.high - one.low, is_whole=False):
                 yield SHIFTED, BoundaryUndo(agents, "shift axis", (one.place,), by)
+        yield from _scaled(BoundaryUndo(agents, "rescale axes", (one.place,)), one, axes)
+
+
+def _scaled(
+    undo: BoundaryUndo, one: NumberField, every: Sequence[NumberField]
+) -> Iterator[Candidate]:
+    """One of several numbers multiplied, after all constants."""
+    for factor in () if one.is_whole or len(every) == 1 else FACTORS[:4]:
+        yield SHIFTED + 1, replace(undo, amount=factor)
 
 
 def _constants(span: float, *, is_whole: bool) -> list[float]:
@@ -297,17 +309,20 @@ def _of_group(
     slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
     lags = [*slowest, *(each.lag or 0 for each in tests)]
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
-    if tests and all(each.changes and not each.reactions for each in tests):
-        return  # one constant in place of another would make up for nothing that it misreads
+    is_still = bool(tests) and all(each.changes and not each.reactions for each in tests)
     fields: Sequence[NumberField] = ()
     own = [each for agent in group for each in seen.get(agent, ())]
     deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
     if observed is not None:
         fields = observed_fields(stage.contract, group[0], observed)
         known = [each for agent in _like(stage, group[0], seen) for each in seen[agent]]
-        for tier, undo in observation_undos(group, fields, deaf):
-            if is_known_range(undo, fields, own, known):
+        for tier, undo in observation_undos(group, fields, NONE if is_still else deaf):
+            # what was recorded may lie beyond what it reacts to only where it reads another field
+            is_apt = tier <= 1 and undo.way == "exchange fields" if is_still else True
+            if is_apt and is_known_range(undo, fields, own, known):
                 yield tier, undo
+    if is_still:
+        return  # one constant in place of another would make up for nothing that it misreads
     axes = () if acted is None else acted_fields(acted)
     yield from action_undos(group, axes)
     if len(group) == 1:  # at all of several it would make up for what pushes them all

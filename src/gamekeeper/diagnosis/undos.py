@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.plain_data import frozen
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Label
 from gamekeeper.interface.capture import AgentId
@@ -64,7 +65,8 @@ class BoundaryUndo:
     Attributes:
         agents: those agents; their spaces are equal.
         way: what is done.
-        places: fields of the observation or axes of the action, by number; of `exchange values`
+        places: fields of the observation or axes of the action, by number (of `rescale`, where
+            there is none: all of them); of `exchange values`
             and `exchange actions` the field or axis and the two values; of `deliver messages` the
             fields, then as many axes of the speaker's action.
         amount: factor of `rescale`, quarter turns of `turn`, lower end of the range up to 1 of
@@ -97,50 +99,49 @@ class BoundaryUndo:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> BoundaryUndo:
         """Inverse of `to_json`."""
-        lists = {key: tuple(x) for key, x in data.items() if isinstance(x, list | tuple)}
-        return cls(**{**data, **lists})
+        return cls(**frozen(data))
 
     def __str__(self) -> str:
         """The undo in words: `exchanging fields 0 and 1 of light's observation`."""
         *most, last = self.agents
-        whose = f"{', '.join(most)} and {last}'s" if most else f"{last}'s"
-        n = f"{self.amount:g}"
+        axes = " and ".join(map(str, self.places))
         what = " and ".join(name.removeprefix("field ") for name in self.names)
-        words = {
-            "exchange fields": f"exchanging fields {what} of {whose} observation",
-            "mirror field": f"mirroring field {what} of {whose} observation",
-            "turn fields": f"turning fields {what} of {whose} observation by "
-            f"{90 * self.amount:g} degrees",
-            "exchange values": f"exchanging values {self._values} of field {what} of {whose} "
-            "observation",
-            "rescale fields": f"multiplying {whose} observation by {n}",
-            "normalize fields": f"normalizing {whose} observation to {n} to 1",
-            "shift field": f"adding {n} to field {what} of {whose} observation",
-            "deliver messages": f"giving {', '.join(self.agents)} what {what} said last",
-            "exchange axes": f"exchanging axes {self._axes} of {whose} action",
-            "mirror axis": f"mirroring axis {self._axes} of {whose} action",
-            "turn axes": f"turning axes {self._axes} of {whose} action by "
-            f"{90 * self.amount:g} degrees",
-            "rescale axes": f"multiplying {whose} action by {n}",
-            "shift axis": f"adding {n} to axis {self._axes} of {whose} action",
-            "exchange actions": f"exchanging values {self._values} of "
-            f"{f'{what} of ' if what else ''}{whose} action",
-            "shift actions": f"shifting {whose} action by {self.amount:+g}",
-            "settle": f"asking {whose} policy {self.amount + 1:g} times a turn",
-            "hold": f"holding each of {whose} actions for {n} turns",
-            "commonest": f"taking the most frequent of {n} draws of {whose} policy",
-        }
-        return words[self.way]
-
-    @property
-    def _axes(self) -> str:
-        return " and ".join(map(str, self.places))
-
-    @property
-    def _values(self) -> str:
-        return " and ".join(map(str, self.places[1:]))
+        at = f"field {what} of " if self.way in OBSERVATION else f"axis {axes} of "
+        return TEXTS[self.way].format(
+            at=at if self.places else "",
+            whose=f"{', '.join(most)} and {last}'s" if most else f"{last}'s",
+            agents=", ".join(self.agents),
+            what=what,
+            axes=axes,
+            values=" and ".join(map(str, self.places[1:])),
+            of=f"{what} of " if what else "",
+            n=f"{self.amount:g}",
+            more=f"{self.amount + 1:g}",
+            by=f"{self.amount:+g}",
+            degrees=f"{90 * self.amount:g}",
+        )
 
 
+TEXTS: Final[Mapping[Way, str]] = {
+    "exchange fields": "exchanging fields {what} of {whose} observation",
+    "mirror field": "mirroring field {what} of {whose} observation",
+    "turn fields": "turning fields {what} of {whose} observation by {degrees} degrees",
+    "exchange values": "exchanging values {values} of field {what} of {whose} observation",
+    "rescale fields": "multiplying {at}{whose} observation by {n}",
+    "normalize fields": "normalizing {whose} observation to {n} to 1",
+    "shift field": "adding {n} to field {what} of {whose} observation",
+    "deliver messages": "giving {agents} what {what} said last",
+    "exchange axes": "exchanging axes {axes} of {whose} action",
+    "mirror axis": "mirroring axis {axes} of {whose} action",
+    "turn axes": "turning axes {axes} of {whose} action by {degrees} degrees",
+    "rescale axes": "multiplying {at}{whose} action by {n}",
+    "shift axis": "adding {n} to axis {axes} of {whose} action",
+    "exchange actions": "exchanging values {values} of {of}{whose} action",
+    "shift actions": "shifting {whose} action by {by}",
+    "settle": "asking {whose} policy {more} times a turn",
+    "hold": "holding each of {whose} actions for {n} turns",
+    "commonest": "taking the most frequent of {n} draws of {whose} policy",
+}
 VALUES: Final = ("exchange values", "exchange actions")
 
 
@@ -150,7 +151,7 @@ class UndoneCast:
     def __init__(self, cast: Any, undo: BoundaryUndo, env: Any, contract: Contract) -> None:
         self._cast, self._undo, self._env, self._contract = cast, undo, env, contract
         self._agents = frozenset(undo.agents)
-        self._boundaries: dict[AgentId, _Boundary] = {}
+        self._boundaries: dict[AgentId, tuple[Passed, Passed, Offer | None]] = {}
         self._held: dict[AgentId, tuple[int, Any]] = {}
         self._way = MessageWay(undo, env, contract) if undo.way == "deliver messages" else None
 
@@ -172,18 +173,17 @@ class UndoneCast:
             return self._way.noted(agent, self._cast.act(agent, shown, info))
         if agent_name(agent) not in self._agents:
             return self._cast.act(agent, observation, info)
-        boundary = self._boundaries.get(agent)
-        if boundary is None:
+        if agent not in self._boundaries:
             boundary = _boundary(self._undo, self._env, self._contract, agent)
             self._boundaries[agent] = boundary
-        shown = boundary.seen(observation)
-        if boundary.offer is None:
-            return boundary.done(self._chosen(agent, shown, info))
-        boundary.offer.take(observation, info)
+        seen, pass_on, offer = self._boundaries[agent]
+        shown = seen(observation)
+        if offer is not None:  # before its policy could write into what it is given
+            offer.take(observation, info)
         action = self._chosen(agent, shown, info)
-        done = boundary.done(action)
+        done = pass_on(action)
         is_own = done is action and self._undo.way != "hold"
-        return done if is_own or boundary.offer.allows(done) else boundary.offer.stand_in(action)
+        return done if is_own or offer is None or offer.allows(done) else offer.stand_in(action)
 
     def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """The action; the policy itself is asked once a turn, so that its memory goes on as ever.
@@ -258,16 +258,10 @@ def _commonest(draws: Sequence[Any]) -> Any:
     return draws[keys.index(Counter(keys).most_common(1)[0][0])]
 
 
-@dataclass(frozen=True, slots=True)
-class _Boundary:
-    """Both directions between the game and the policy of one agent."""
-
-    seen: Passed
-    done: Passed
-    offer: Offer | None
-
-
-def _boundary(undo: BoundaryUndo, env: Any, contract: Contract, agent: AgentId) -> _Boundary:
+def _boundary(
+    undo: BoundaryUndo, env: Any, contract: Contract, agent: AgentId
+) -> tuple[Passed, Passed, Offer | None]:
+    """Both directions between the game and the policy of one agent, and its legal actions."""
     observed, acted = observation_space(env, agent), action_space(env, agent)
     seen: Passed = _same
     done: Passed = _same
@@ -275,7 +269,7 @@ def _boundary(undo: BoundaryUndo, env: Any, contract: Contract, agent: AgentId) 
         seen = passed_with(undo, observed_fields(contract, agent, observed), is_action=False)
     if undo.way in ACTION and acted is not None:
         done = passed_with(undo, acted_fields(acted), is_action=True)
-    return _Boundary(seen, done, offer_of(contract, env, agent))
+    return seen, done, offer_of(contract, env, agent)
 
 
 def _same(value: Any) -> Any:

@@ -6,8 +6,6 @@ the reset among them, and rows whose agent has ended. All of it follows from the
 a run of level `full` gives the same rows, whoever took them down.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -203,6 +201,7 @@ def _usual_block(buffered: BufferedTurns, layout: Layout, marks: Marks) -> Block
     episodes, turns, signed = marks
     counts, count = np.maximum(-signed, 0), len(buffered.usual.agents)
     index = np.fromiter(buffered.usual.agents, np.intp, count)
+    # A row's place in its turn is its number less that of the turn's first row.
     first = np.repeat(np.cumsum(counts) - counts, counts)
     order = (np.arange(count) - first).astype(np.int16)
     yes, no = np.ones(count, np.bool_), np.zeros((count, 1), np.uint8)

@@ -1,7 +1,5 @@
 """Blocks as Arrow record batches, and back: what the files of a run hold."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from functools import lru_cache

@@ -4,8 +4,6 @@ Every value column is raw bytes, one fixed-size element a row, so that rows are 
 without looking at single values.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import repeat
@@ -228,6 +226,7 @@ def _sorting(
     earlier = (place[1:] < place[:-1]) | ((place[1:] == place[:-1]) & (rank[1:] < rank[:-1]))
     if not (same & earlier).any():
         return slice(None)
+    # Turns are numbered as they stand, so that lexsort moves rows within their turn alone.
     start = np.cumsum(np.concatenate(([True], ~same))) if len(turn) else turn
     return np.lexsort((rank, place, start))
 

@@ -165,7 +165,7 @@ class Counts:
 
 def added(buffer: Buffer, since: Counts) -> tuple[BufferedTurns, Counts]:
     """Copies the whole turns behind those that `since` counts, and counts them too."""
-    with buffer.lock:
+    with buffer.lock:  # counted in the order that `take` explains
         ends = len(buffer.ends)
         turns = len(buffer.turns) // TURN
         marks = buffer.turns[since.turns * TURN : turns * TURN]

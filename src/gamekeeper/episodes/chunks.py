@@ -1,7 +1,5 @@
 """One episode, some whole turns at a time from its start: a long one is never whole in memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final

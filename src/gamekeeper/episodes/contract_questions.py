@@ -1,7 +1,5 @@
 """Questions that a contract leaves open, by key: every one has an answer that can be written."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 

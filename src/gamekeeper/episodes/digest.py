@@ -8,8 +8,6 @@ its blake3. NaN is one NaN, -0.0 is kept.
 Source: RFC 7693 (BLAKE2); O'Connor et al. 2020 (BLAKE3).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache

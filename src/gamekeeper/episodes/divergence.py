@@ -1,7 +1,5 @@
 """The first place where two episodes differ, with both values."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Collection, Iterator

@@ -1,7 +1,5 @@
 """The encoder: buffered turns become record batches, and running digests of episodes."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import starmap

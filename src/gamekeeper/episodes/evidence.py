@@ -1,7 +1,5 @@
 """Evidence: the episodes of a run, its facts and its contract, under one fingerprint."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

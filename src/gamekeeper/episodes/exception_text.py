@@ -1,7 +1,5 @@
 """Texts of an exception that foreign code raised: making them runs its code again."""
 
-from __future__ import annotations
-
 import traceback
 from types import TracebackType
 from typing import Final

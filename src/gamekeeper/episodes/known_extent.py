@@ -1,7 +1,5 @@
 """Known extent of an episode: all of it, or the turns before its recorder was killed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final

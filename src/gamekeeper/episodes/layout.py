@@ -1,7 +1,5 @@
 """Columns of a run: a place for each agent, a column for each leaf of its spaces."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Place of a message, as a contract names it: `observation.word`, `observation[-3:]`."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Any, Final, Literal, cast

@@ -1,7 +1,5 @@
 """Opponents: agents that are paid where others lose, as measured. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Any, Final

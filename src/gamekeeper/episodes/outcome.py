@@ -13,6 +13,7 @@ from gamekeeper.contract.failure import Failure, Value
 from gamekeeper.episodes.arrow import TERM
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import role as role_in_name
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.errors import ContractError
 
 TEAM: Final = "team"
@@ -59,18 +60,7 @@ class Outcome:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "seed": self.seed,
-            "turns": self.turns,
-            "returns": dict(self.returns),
-            "terms": {agent: dict(terms) for agent, terms in self.terms.items()},
-            "endings": dict(self.endings),
-            "infos": {agent: dict(info) for agent, info in self.infos.items()},
-            "seen": dict(self.seen),
-            "flags": dict(self.flags),
-            "is_over": self.is_over,
-            "error": self.error,
-        }
+        return fields_json(self)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Outcome:

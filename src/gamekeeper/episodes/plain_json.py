@@ -1,11 +1,10 @@
 """Plain data as every reader of JSON takes it."""
 
-from __future__ import annotations
-
 import math
 import struct
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
 from functools import wraps
 from typing import Any, Final, ParamSpec, TypeVar
 
@@ -21,6 +20,21 @@ def finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [finite(item) for item in value]
     return value
+
+
+def fields_json(result: Any) -> dict[str, Any]:
+    """The fields of a dataclass as plain data, each by its own `to_json` where it has one."""
+    return {each.name: _plain(getattr(result, each.name)) for each in fields(result)}
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "to_json"):
+        return value.to_json()
+    if is_dataclass(value):
+        return fields_json(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 P = ParamSpec("P")

@@ -1,7 +1,5 @@
 """Rows of texts as a table, for a terminal and for a notebook; the first row is the heading."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from html import escape
 

@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.episodes.row_tables import html_table, text_lines
 
 if TYPE_CHECKING:
@@ -147,13 +148,7 @@ class AgentSummary:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "return_mean": self.return_mean,
-            "length_mean": self.length_mean,
-            "share": self.share,
-            "idle": self.idle,
-            "endings": dict(self.endings),
-        }
+        return fields_json(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,13 +163,7 @@ class Summary:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, as `gamekeeper rollout --json` prints it."""
-        return {
-            "episodes": self.episodes,
-            "turns": self.turns,
-            "agent_steps": self.agent_steps,
-            "seconds": self.seconds,
-            "agents": {name: agent.to_json() for name, agent in self.agents.items()},
-        }
+        return fields_json(self)
 
     def rows(self) -> list[list[str]]:
         """A heading and a row for each agent, as texts."""

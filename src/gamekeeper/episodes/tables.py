@@ -1,7 +1,5 @@
 """The tables of a run, wherever they lie: read whole, by column, or an episode at a time."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass

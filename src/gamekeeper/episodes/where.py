@@ -1,7 +1,5 @@
 """Places in episodes: number, turn, agent, field."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
@@ -36,5 +34,6 @@ class Where:
     def __str__(self) -> str:
         start = f"episode {self.play}" + (f" of probe {self.probe}" if self.probe else "")
         turn = None if self.turn is None else f"turn {self.turn}"
-        key = self.field if self.agent is None else f"{self.field}[{self.agent!r}]"
+        name, bracket, inside = self.field.partition("[")  # infos['x'] of one: infos[agent]['x']
+        key = self.field if self.agent is None else f"{name}[{self.agent!r}]{bracket}{inside}"
         return ", ".join(part for part in (start, turn, key) if part)

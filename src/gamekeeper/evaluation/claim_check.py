@@ -5,8 +5,6 @@ rules of replay: an installed environment, the user's own run, one that the user
 everything by the user's word.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import sys
@@ -14,11 +12,12 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO, Any, Final
 
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.errors import GamekeeperError, RunError, TrustError
 from gamekeeper.evaluation.claim_figures import figures_in, is_same, worked_out
 from gamekeeper.evaluation.claim_pack import (
@@ -107,17 +106,7 @@ class CheckedClaim:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper reproduce --json` prints."""
-        return {
-            "claim": self.claim,
-            "digest": self.digest,
-            "ok": self.ok,
-            "damage": list(self.damage),
-            "differs": [asdict(each) for each in self.differs],
-            "figures": [asdict(each) for each in self.figures],
-            "replays": {name: each.to_json() for name, each in self.replays.items()},
-            "reasons": dict(self.reasons),
-            "signer": self.signer,
-        }
+        return {**fields_json(self), "ok": self.ok}
 
 
 def reproduce(

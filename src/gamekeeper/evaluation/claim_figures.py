@@ -1,7 +1,5 @@
 """Figures of an evaluation, worked out from its recorded runs; nothing is played or opened."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields

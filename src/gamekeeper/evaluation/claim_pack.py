@@ -13,8 +13,6 @@ A claim is signed by an SSH key, with OpenSSH's `ssh-keygen -Y`: the signature l
 CLAIM.sig, and covers every byte of it.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import shutil
@@ -31,6 +29,7 @@ from typing import Any, Final
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.errors import ContractError, DependencyError, RunError
 from gamekeeper.evaluation.claim_figures import policy_files, runs_of
 from gamekeeper.evaluation.continuation import RESULT, document_in
@@ -60,7 +59,7 @@ Content = bytes | Path
 class Packed:
     """A claim that was written: its file, the digest of what it claims, and what is in it."""
 
-    path: str
+    claim: str
     digest: str
     runs: tuple[str, ...]
     source: tuple[str, ...]
@@ -70,15 +69,7 @@ class Packed:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper pack --json` prints."""
-        return {
-            "claim": self.path,
-            "digest": self.digest,
-            "runs": list(self.runs),
-            "source": list(self.source),
-            "files": self.files,
-            "size_bytes": self.size_bytes,
-            "signature": self.signature,
-        }
+        return fields_json(self)
 
 
 def pack(

@@ -1,7 +1,5 @@
 """Policies against one another, on the same seeds, with p-values corrected for their number."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -218,6 +216,7 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
             found = f"{more}: above in {above}, below in {below} of {row['n']} pairs"
         test = f"p = {p:.2g} (sign test, Holm); {figure} on average, without an interval"
         return f"{where}: {a} {found}, {test}; {scope}"
+    # The interval is of this comparison alone, p of the whole family: a claim takes both.
     is_apart = difference["low"] > 0 or difference["high"] < 0
     corrected = "" if p is None else f", p = {p:.2g} (Holm)"
     if is_apart and (p is None or p <= ALPHA):

@@ -1,7 +1,5 @@
 """Results that an earlier call of an evaluation left in a folder, and if a call continues it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final

@@ -338,8 +338,8 @@ def _swapped(
     for there, back in meetings:  # a sits first there, second on the way back
         x1, x2 = table.of_seat(there, first), table.of_seat(there, second)
         y1, y2 = table.of_seat(back, first), table.of_seat(back, second)
-        leads.append((x1 - x2 + y1 - y2) / 2)
-        ones.append((x1 + y2) / 2)
+        leads.append((x1 - x2 + y1 - y2) / 2)  # both sit in both seats: skill cancels out
+        ones.append((x1 + y2) / 2)  # and of each policy's own mean the seat's worth does
         twos.append((x2 + y1) / 2)
     name = ["fairness", table.ground.name, *pair]
     of = f"{' and '.join(dict.fromkeys(pair))} in {table.ground.name}"

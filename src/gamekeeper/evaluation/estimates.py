@@ -87,6 +87,7 @@ class Judge:
 
     def rng(self, *name: object) -> Generator:
         """The random stream of something that has a name."""
+        # By name, so that a figure's draws don't hang on which other figures are asked for.
         digest = blake2b("\0".join(map(str, name)).encode(), digest_size=8).digest()
         return np.random.default_rng([13, self._seed, int.from_bytes(digest, "little")])
 
@@ -225,6 +226,7 @@ class Judge:
         """The same of methods; one that is a single checkpoint counts as it is, without spread."""
         kept, total = shared([*a, *b]), len(a[0])
         one, two = kept[: len(a)], kept[len(a) :]
+        # A single checkpoint has no spread over runs: the other's runs are then the unit.
         runs = max(len(a), len(b)) if 1 in (len(a), len(b)) else min(len(a), len(b))
         if not kept.size:
             return Compared(None, None, runs, total, lost, 0)
@@ -246,8 +248,7 @@ class Judge:
         rng = self.rng(*name, "difference")
         if min(len(one), len(two)) > 1:
             return _effect(difference_over_runs(two, one, rng=rng, level=self.level))
-        apart = one - two if len(two) == 1 else -(two - one)
-        found = over_runs(apart, rng=rng, level=self.level)
+        found = over_runs(one - two, rng=rng, level=self.level)  # the single one against each
         return {**_plain(found), "p": _p_of(found, self.level)}
 
     def meetings(

@@ -1,7 +1,5 @@
 """The front of evaluation: a specification in, results with their intervals and claims out."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The course of an evaluation: looks, parts that an executor plays, the merge, evidence."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager

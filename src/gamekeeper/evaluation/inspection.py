@@ -1,7 +1,5 @@
 """Inspection of an environment and its policies without a step: a task for a worker."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass

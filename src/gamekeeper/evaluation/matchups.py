@@ -1,7 +1,5 @@
 """Line-ups: every policy by itself, and in every place with every partner."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias

@@ -1,7 +1,5 @@
 """Notes and claims of an evaluation: sentences on how it was played and what it shows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Rankings of policies in cross-play: the matrix of payoffs, cycles, and their alpha-rank."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Results of every policy: for the team, for roles, for every agent, metric by metric."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final

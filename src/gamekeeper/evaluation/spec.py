@@ -1,7 +1,5 @@
 """Specification of an evaluation: environments, policies, seeds, comparisons."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Reading a specification from TOML or plain data: every key known, every value of its kind."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path as FilePath

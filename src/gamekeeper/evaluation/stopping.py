@@ -1,7 +1,5 @@
 """Playing until intervals are narrow enough."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any

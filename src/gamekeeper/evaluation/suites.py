@@ -1,7 +1,5 @@
 """Suites: specifications with an id that others cite. Built-in ones, and those of packages."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Mapping
@@ -181,7 +179,7 @@ def spec_of(
     if found is None:
         if not policies:
             raise SpecError(
-                "nobody is to be evaluated",
+                "no policy is named to be evaluated",
                 where="policies",
                 expected="policies by name",
                 actual="none",

@@ -1,7 +1,5 @@
 """Tasks of workers: play a part, merge parts into one table, keep evidence."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

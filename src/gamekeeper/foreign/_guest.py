@@ -1,7 +1,5 @@
 """`ForeignEnv`: what every environment of another shape has in common behind the Parallel API."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final

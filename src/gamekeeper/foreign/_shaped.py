@@ -1,7 +1,5 @@
 """Openers of factories whose environments have another package's shape: PyMARL, marlenv, Gym."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

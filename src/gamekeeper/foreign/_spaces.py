@@ -1,7 +1,5 @@
 """Spaces of other libraries as Gymnasium's, read by what they hold and not by who made them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

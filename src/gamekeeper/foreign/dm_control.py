@@ -1,7 +1,5 @@
 """`dm_control:cartpole/swingup`: a task of DeepMind's control suite, one agent, through Shimmy."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError

@@ -1,7 +1,5 @@
 """`gym:module:factory`: an environment of the old OpenAI Gym's shape, registered or not."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """`gymnasium:CartPole-v1`: an environment of Gymnasium's, of one agent or of several in tuples."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any, Final

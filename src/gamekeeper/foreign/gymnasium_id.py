@@ -1,7 +1,5 @@
 """`rware:rware-tiny-2ag-v2`: a Gymnasium id behind its module, as `gymnasium.make` reads it."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gamekeeper.foreign.gymnasium import source_of_id

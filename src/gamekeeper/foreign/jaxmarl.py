@@ -1,7 +1,5 @@
 """`jaxmarl:MPE_simple_spread_v3`: one copy of a JaxMARL environment."""
 
-from __future__ import annotations
-
 import inspect
 import secrets
 from collections.abc import Callable, Mapping

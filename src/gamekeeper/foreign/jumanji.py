@@ -1,7 +1,5 @@
 """`jumanji:RobotWarehouse-v0`: one copy of a Jumanji environment."""
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Mapping
 from types import ModuleType

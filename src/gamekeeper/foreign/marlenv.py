@@ -1,7 +1,5 @@
 """`marlenv:module:factory`: an environment of the package `marlenv`, such as LLE."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """`momaland:mobeach_v0`: a MOMAland environment, its vector rewards made into sums of terms."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """`openspiel:tic_tac_toe`: a game of OpenSpiel's through Shimmy, one agent a turn."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError

@@ -1,7 +1,5 @@
 """`overcooked:cramped_room`: a layout of Overcooked's, for as many cooks as it has."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from gamekeeper.foreign.marlenv import MarlEnv

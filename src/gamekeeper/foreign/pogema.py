@@ -1,7 +1,5 @@
 """`pogema:pogema_v0`: POGEMA's grids, built from the fields of its GridConfig."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from numpy.random import Generator, default_rng

@@ -1,7 +1,5 @@
 """`pymarl:module:factory`: an environment of PyMARL's shape, as SMAC and SMACv2 have it."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 from typing import Any, Final

@@ -114,6 +114,7 @@ class AECCapture(Capture):
         if self._half is not None:
             self._fix()
         if self._seen_payload.__class__ is LargePlace and self._seen is not _NEVER:
+            # Forgotten first: an interrupt in between may lose a place, and never frees one twice.
             self._seen = _NEVER
             self.sink.rings.release(self._seen_payload)  # type: ignore[union-attr]  # it put it there
         _, pack, _ = self._packers.get(agent) or self._packers_of(agent)
@@ -138,7 +139,7 @@ class AECCapture(Capture):
             payload = pack(action)
             if payload is None:
                 payload, entry = self._nonconforming_action(agent, action)
-        self._stood = given
+        self._stood = given  # an interrupt within the step leaves books that are half changed
         start = self._started_ns = perf_counter_ns()
         try:
             self.env.step(action)
@@ -153,6 +154,8 @@ class AECCapture(Capture):
             raise
         wall_ns = perf_counter_ns() - start
         self._failure = None
+        # The environment has stepped: what an interrupt keeps from being booked from here on,
+        # `_fix` books before anything else is recorded.
         self._half = self.turn, agent, given, payload, entry, wall_ns
         self._seen, self._stood = _NEVER, None
         self._pay(agent, given, payload, entry, wall_ns)
@@ -161,7 +164,7 @@ class AECCapture(Capture):
 
     def _book(self, turn: int, *env_step: Any) -> None:
         self._seen, self._is_sure, self._stood = _NEVER, False, None
-        if self.turn == turn:
+        if self.turn == turn:  # no mark was set: `cut_back` took the rows off, if there were any
             self._pay(*env_step)
         self._note(env_step[0])
 
@@ -281,6 +284,7 @@ class AECCapture(Capture):
         """Notes agents that joined or left; the actor's leaving by its own None turn is no news."""
         now, then = set(agents), self._live
         for agent in filterfalse(now.__contains__, self._roster):
+            # `|` and not `or`: both have to forget the agent
             is_flagged = self._terminated.forget(agent) | self._truncated.forget(agent)
             if agent != actor or not is_flagged:
                 self._news.append(agent)

@@ -238,6 +238,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
             agent = self.agent_selection
         except AttributeError:
             raise before_reset("step") from None
+        # Until those that ended have left, every step is one's last turn.
         if self.__waiting:
             self.__bury(agent, action)
             return
@@ -253,6 +254,8 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
             self.terms.clear()
         if self.__stirred:
             self.__settle_down()
+        # Cleared before the rules and not after: what this very step pays its actor has to stand in
+        # the sum that it is given at its next turn.
         self._cumulative_rewards[agent] = 0.0
         self.turns += 1
         if plays:
@@ -331,7 +334,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
     def __pass_on(self, agent: AgentId, then: AgentId) -> Any:
         """Next agent: first those with a last turn due, in roster order, then the next live one."""
         endings, ended = self.endings, self.__ended
-        if len(ended) < len(self.agents):
+        if len(ended) < len(self.agents):  # a live one is left, or this would go round for ever
             while then in endings:
                 then = self.__after[then]
         if self.__limit is not None:
@@ -381,6 +384,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         self.__settle_down()
         del self.rewards[agent], self._cumulative_rewards[agent], self.infos[agent]
         del self.terminations[agent], self.truncations[agent]
+        # By its position: list.remove would compare all agents before it.
         del self.agents[self.__circle.remove(agent)]
         self.touched.left.append(agent)
         self.__stirred = True
@@ -391,7 +395,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         elif self.agents:
             self.agent_selection = self.__then
         else:
-            waiting.append(agent)  # waits for the next reset, as all do
+            waiting.append(agent)  # the next step comes here again, and raises: nobody is left
         self.__stepped = True
         if self.__shows and self.agents:
             self._show((self.agent_selection,))

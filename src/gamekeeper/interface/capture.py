@@ -284,7 +284,7 @@ class Capture:
         try:
             cut_back(self._buffer)
             self._book(*half)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt:  # a second one: the step stays for whoever comes next
             self._half = half
             raise
 

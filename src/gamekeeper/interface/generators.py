@@ -96,6 +96,7 @@ def _links(env: Any, without: tuple[type, ...]) -> Iterator[Any]:
         if isinstance(item, np.random.Generator | np.random.RandomState | random.Random | Stream):
             yield link
         elif isinstance(item, _CONTAINERS):
+            # What a container holds comes next, and is no deeper than what holds the container.
             queue.extendleft(((link, part), depth) for part in reversed(_parts(item)))
         elif depth < DEPTH:
             queue.extend(((link, part), depth + 1) for part in _parts(item))

@@ -255,7 +255,7 @@ class JointPolicy:
         Args:
             without: agents that go on drawing as they did.
         """
-        for agent in without:
+        for agent in without:  # a stream that isn't there yet would begin from the new seed
             self._rngs.setdefault(agent, policy_rng(self._run_seed, self._episode, agent))
         self._run_seed = run_seed
         for agent, rng in self._rngs.items():
@@ -355,6 +355,7 @@ class JointPolicy:
             anew: each further one is asked of a copy as it was before, with the agent's stream;
                 else all are asked of one copy in a row, with a copy of that stream.
         """
+        # Copied before the policy itself is asked, so that each stands where it stood.
         chosen = self.chosen_for(agent)
         copies = [_copied(chosen) for _ in range(times - 1 if anew else 1)]
         rng = self._rngs.get(agent) or policy_rng(self._run_seed, self._episode, agent)

@@ -15,7 +15,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from gamekeeper.errors import ActionError, ContractError
+from gamekeeper.errors import ActionError, ContractError, PolicyError
+from gamekeeper.interface.action_mask import for_sample
 from gamekeeper.interface.author_calls import AgentId
 
 NOTHING: Final = range(0)
@@ -97,6 +98,26 @@ def tidy_mask(space: spaces.Space[Any], mask: Any, agent: AgentId) -> Any:
             actual=f"{mask!r} ({error})"[:300],
             fix="Discrete(n): n numbers 0 or 1; None: everything is legal",
         ) from None
+
+
+def forbidden(
+    agent: AgentId, action: Any, space: spaces.Space[Any], mask: Any, *, then: str, fix: str = ""
+) -> ActionError | None:
+    """Error of an action that the space holds and the mask forbids; None of any other action.
+
+    Args:
+        then: the failure that followed.
+        fix: advice to the learner that chose it.
+    """
+    try:
+        mask = for_sample(space, mask)
+    except PolicyError:  # which actions it means isn't known
+        return None
+    if not _contains(space, action) or allows(space, mask, action):
+        return None
+    error = refused(agent, action, space, mask)
+    actual = f"{error.actual}; then {then}"
+    return ActionError(**error.parts() | {"actual": actual, "fix": fix or error.fix})
 
 
 def copied(mask: Any) -> Any:

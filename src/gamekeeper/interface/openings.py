@@ -210,12 +210,14 @@ class Opening:
         Raises:
             EvidenceError: it holds other generators than it did.
         """
-        if self.was_reset and not was_reset:
+        if self.was_reset and not was_reset:  # a first reset may make generators and attributes
             env.reset(seed=WARM_SEED)
         for name, text in self.attributes.items():
             _set(env, name, text)
         if self.own is None:
             return
+        # States last, as they were taken down right before the reset: setting an attribute may
+        # draw.
         own = [chain[-1] for chain in chains(env, without=SPACES)]
         kinds = [_state(each)["kind"] for each in own]
         before = [each.get("kind") for each in self.own]

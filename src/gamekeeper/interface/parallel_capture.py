@@ -108,6 +108,7 @@ class ParallelCapture(Capture):
     def _book(self, turn: int, *env_step: Any) -> None:
         moves, parts, wall_ns = env_step
         if self.turn == turn:
+            # The interrupt may have come between a stranger's row and its name in `_who`.
             del self._waiting[len(self._who) * GIVEN :]
             self._pay([*moves, *[NO_MOVE] * (len(self._who) - len(moves))], parts[1], wall_ns)
         self._take_agents(self._who)
@@ -138,6 +139,7 @@ class ParallelCapture(Capture):
         elif rewards.__class__ is defaultdict:  # as PettingZoo converts; a look would add to it
             rewards = dict(rewards)
         rows = count or len(self._who)  # where nobody lives on, those who acted are told of it
+        # The usual case costs one pass: plain dictionaries with exactly the agents that have rows.
         if (
             observations.__class__
             is rewards.__class__
@@ -174,6 +176,7 @@ class ParallelCapture(Capture):
                 payload = pack(observations[agent])
                 reward, info = rewards[agent], infos[agent]
                 terminated, truncated = terms[agent], truncs[agent]
+                # A live agent's flags are False itself; in the last rows any two booleans will do.
                 if (
                     (
                         (terminated is not False or truncated is not False)
@@ -307,6 +310,7 @@ class ParallelCapture(Capture):
         if rewards.__class__ is not dict and not isinstance(rewards, Mapping):
             rewards = {}
         done: list[Any] = []
+        # Every agent with a row counts `strangers` down; the rest was paid without having one.
         extend, paid_terms, terms, strangers = done.extend, self._paid_terms, None, len(rewards)
         for agent, (order, payload, entry) in zip(self._who, moves, strict=True):
             reward = rewards.get(agent, MISSING)

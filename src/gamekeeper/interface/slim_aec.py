@@ -213,6 +213,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
         env = self.env
         if env.terminations[agent] or env.truncations[agent]:
             self._seen = None
+            # After a forfeit the environment's own step may not look for an end: the books play it.
             (env.unwrapped._was_dead_step if self._was_illegal else env.step)(action)
             return
         if self._seen is None:
@@ -227,6 +228,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
             env.step(action)
             return
         EnvLogger.warn_on_illegal_move()
+        # What TerminateIllegalWrapper writes into the books, in its order.
         raw, agents = env.unwrapped, env.agents
         raw._cumulative_rewards[agent] = 0
         raw.terminations = dict.fromkeys(agents, True)

@@ -374,6 +374,7 @@ class ToParallel(EnvInside, Tick, ParallelEnv[Any, Any, Any]):
         totals = self._rewards.total()
         books, agents = self._books, self.agents
         terms, truncs, rewards = books.terminations, books.truncations, books.rewards
+        # Where nobody ended, joined or left, the books' own dictionaries are the tick's.
         if (
             self._gone
             or books.agents != agents

@@ -125,6 +125,7 @@ class AddressReader:
         """The next address, moved on by as many times `size` bytes as the copy's number."""
         builder, byte = self.builder, self.context.get_value_type(numba().int8)
         start = builder.load(builder.gep(self.base, [self.number(self.count)]))
+        # Addresses stay while a driver runs: LLVM may load them once, before its loop.
         start.set_metadata("invariant.load", builder.module.add_metadata([]))
         self.count += 1
         offset = builder.mul(self.index, self.number(size))

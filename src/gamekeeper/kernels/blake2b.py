@@ -117,7 +117,7 @@ def _all_of() -> Any:
         message = np.zeros(16 * LANES, np.uint64)
         h = np.empty(8 * LANES, np.uint64)
         lanes, words = LANES, out.shape[1]
-        head = np.uint64(0x01010000 + words * 8)
+        head = np.uint64(0x01010000 + words * 8)  # no key, one leaf, size of the digest (2.5)
         for first in range(0, len(out), lanes):
             rows = min(lanes, len(out) - first)
             blocks = 1
@@ -137,6 +137,8 @@ def _all_of() -> Any:
                     at = start + b * 128
                     for k in range(16):
                         message[k * lanes + lane] = word_at(data, at + k * 8, end)
+                    # RFC 7693, 3.2: word 12 takes the bytes so far, word 14 is turned round in the
+                    # last block.
                     w[12 * lanes + lane] ^= np.uint64(min(at + 128, end) - start)
                     if at + 128 >= end:
                         w[14 * lanes + lane] = ~w[14 * lanes + lane]

@@ -126,7 +126,7 @@ def _threads(
         if e < count:
             _, _, a = copy(places, e)
             if not judge_one_(a, a.over[()]):
-                cuda.atomic.min(wrong, 0, e)
+                cuda.atomic.min(wrong, 0, e)  # threads come in any order; the first copy is named
 
     def step(
         places: Any,

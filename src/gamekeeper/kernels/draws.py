@@ -42,6 +42,7 @@ def word(s):  # type: ignore[no-untyped-def]  # a rule's types are found when it
     """The next 32-bit word of the copy's stream."""
     drawn = s.draws
     s.draws = drawn + 1
+    # A block is four words; the last one stands in the state until a draw leaves it.
     block = drawn >> 2
     if block != s.block:
         a, b, c, d = _philox(
@@ -62,6 +63,8 @@ def integers(s, bound):  # type: ignore[no-untyped-def]  # a rule's types are fo
     Source: Lemire 2019, "Fast random integer generation in an interval".
     """
     product = word(s) * bound
+    # Refusing the first SPAN % bound places leaves each number equally many words; mostly no
+    # division is needed to know that a product isn't among them.
     if (product & WORD) < bound:
         refused = SPAN % bound
         while (product & WORD) < refused:

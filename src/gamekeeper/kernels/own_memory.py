@@ -47,6 +47,8 @@ class OwnReader(AddressReader):
     def filled(self, size: int) -> Any:
         """Own memory with the bytes of the next address."""
         byte = numba_part("core.cgutils").int8_t
+        # LLVM turns only what is reserved in the entry block into registers; elsewhere it would
+        # also take new stack at every pass of a loop.
         with self.builder.goto_entry_block():
             own = self.builder.alloca(byte, size)
         own.align = WORD
@@ -99,7 +101,7 @@ def put_back(kernel: Kernel) -> Any:
             elif is_mine and whole.strides[0]:
                 own = reads.arrayobj.make_array(view_type_of(whole))(context, builder, value).data
                 move(builder, own, reads.pointer(whole.strides[0]), whole.strides[0])
-            else:
+            else:  # it stayed where it was: its address is passed over
                 reads.count += 1
 
         for number, (name, whole) in enumerate(zip(sample._fields, sample, strict=True)):
@@ -118,6 +120,7 @@ def put_back(kernel: Kernel) -> Any:
 def move(builder: Any, source: Any, target: Any, size: int) -> None:
     """Writes the code that copies so many bytes, as words that both addresses are aligned to."""
     ir = numba_part("core.cgutils").ir
+    # Row e lies e * size behind an aligned address: its alignment is what divides both.
     width = gcd(size, WORD)
     word = ir.VectorType(ir.IntType(64), 2) if width == WORD else ir.IntType(8 * width)
     pointers = [builder.bitcast(place, word.as_pointer()) for place in (source, target)]

@@ -282,8 +282,8 @@ def chances_text(audit: Document, *, width: int) -> str:
         return ""
     most = _counted(max(each["cases"] for each in few), "place")
     text = (
-        f"{_counted(len(few), 'check')} passed at {most} or fewer each, too few to be sure of a "
-        f"fault that shows at 1 in {1 / LARGE_SHARE:.0f} (--json: cases, could_miss)"
+        f"{_counted(len(few), 'check')} passed but looked at {most} or fewer each, and may have "
+        f"missed a fault that shows at 1 place in {1 / LARGE_SHARE:.0f} (--json: cases, could_miss)"
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
 

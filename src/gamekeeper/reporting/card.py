@@ -140,12 +140,14 @@ def _rewards(contract: Contract) -> Iterator[Row]:
 
 
 def _term(term: RewardTerm) -> str:
-    parts = [term.kind or "kind not declared"]
+    is_own, is_shared = term.payee == ("earner",), term.kind == "shared"
+    is_plain = is_own if term.kind == "individual" else is_shared and term.payee is not None
+    parts = [] if is_plain and term.earner else [term.kind or "kind not declared"]
     if term.earner is not None:
         parts.append(f"earned by {' and '.join(term.earner)}")
     if term.payee is not None:
-        payee = "the earner" if term.payee == ("earner",) else " and ".join(term.payee)
-        parts.append(f"paid to {payee}" + ", each the same" * (term.kind == "shared"))
+        payee = "the earner" if is_own else " and ".join(term.payee)
+        parts.append(f"paid to {payee}" + ", each the same" * is_shared)
     return ", ".join(parts)
 
 
@@ -218,9 +220,10 @@ def card_text(
         lines += ["", section.title, *column_lines(rows, width=wide)]
     for title, group in _groups(_asked(contract, specs, questions)):
         lines += ["", f"{title} ({len(group)})"]
-        for question in group:
+        for question, *alike in _by_role(group):
             why = f" (it matters: {question.why})" if question.why else ""
-            text = f"{question.ask}{why} -> {_proposed(question)}"
+            so = f"; and so for {', '.join(each.path[1] for each in alike)}" if alike else ""
+            text = f"{question.ask}{why} -> {_proposed(question)}{so}"
             lines += _wrapped(one_line(text), wide, "  ", "      ")
     return "\n".join(lines) + "\n"
 
@@ -288,6 +291,15 @@ def _groups(asked: Sequence[Question]) -> Iterator[tuple[str, list[Question]]]:
     ):
         if group:
             yield title, group
+
+
+def _by_role(group: Sequence[Question]) -> Iterable[list[Question]]:
+    """The questions, those together that ask the same of several roles."""
+    found: dict[object, list[Question]] = {}
+    for each in group:
+        path = ("roles", *each.path[2:]) if each.path[0] == "roles" else each.path
+        found.setdefault((path, each.answer, each.measured, each.why), []).append(each)
+    return found.values()
 
 
 def _proposed(question: Question) -> str:

@@ -83,6 +83,8 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         whole = document["team"] or next(iter(document["agents"].values()))
         yield "Who", f"no agent. {answer_sentence(whole)}."
     for number, (text, names) in enumerate(groups.items()):
+        if len(names) > 1:
+            text = text.replace(f"{', '.join(names[:-1])} and {names[-1]}'s", "their")
         yield "" if number else "Who", f"{', '.join(dict.fromkeys(names))} {text}"
     for answer in dict.fromkeys(each["answer"] for each in _named(document).values()):
         yield "", f"{answer}: {CAUSES[answer]}"
@@ -156,7 +158,10 @@ def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     found = [
         f"{name} {each['text']}"
         for name, each in (document.get("responses") or {}).items()
-        if (each["changes"] and not each["reactions"]) or each["lag"] or each["randomness"] > OFTEN
+        if (each["changes"] and not each["reactions"])
+        or each["lag"]
+        or each["randomness"] > OFTEN
+        or not each["is_repeatable"]
     ]
     for number, text in enumerate(found):
         yield "" if number else "Noted", text

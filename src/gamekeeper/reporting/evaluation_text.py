@@ -86,13 +86,28 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
     for title, texts in (
         ("Notes", document.get("notes") or ()),
         ("Supported claims", document["claims"]),
-        ("Refused claims", [f"{row['what']}: {row['why']}" for row in document["refused"]]),
     ):
         if texts:
             blocks.append(
                 "\n".join([title, *(line for t in texts for line in item_lines(t, width))])
             )
+    if document["refused"]:
+        blocks.append("\n".join(["Refused claims", *_refused(document["refused"], width)]))
     return "\n\n".join(blocks)
+
+
+def _refused(rows: Sequence[Row], width: int) -> Iterator[str]:
+    """Lines of refused claims; a reason that several share stands once, in front of them."""
+    by_reason: dict[str, list[str]] = {}
+    for row in rows:
+        by_reason.setdefault(row["why"], []).append(row["what"])
+    for why, what in by_reason.items():
+        if len(what) == 1:
+            yield from item_lines(f"{what[0]}: {why}", width)
+            continue
+        yield from item_lines(why, width)
+        for text in what:
+            yield from wrapped(f"- {text}", width, first=INDENT * 2, rest=INDENT * 3)
 
 
 def _has_word(text: str, word: str) -> bool:

@@ -62,6 +62,9 @@ FITS: Final = {
 }
 ERRORS: Final = "The environment raised exceptions, so this was left out of the measurement"
 ADVICE: Final = "Which API fits this game"
+BESIDE_DECLARED: Final = "Measured beside declared"
+ALONE: Final = "Measured (none of it is declared)"
+UNDECLARED: Final = "not declared"
 TICK: Final = "tick: one step in which every live agent acts once."
 SCHEDULE: Final = (
     'stages: roles that act together; order: of the agents of a stage ("none": all at once); '
@@ -95,11 +98,13 @@ def measured_text(audit: Document, *, width: int) -> str:
     ]
     parts = []
     if rows:
-        lines = list(column_lines([("", "measured", "declared"), *rows], width=width))
+        are_any = any(row[2] != UNDECLARED for row in rows)
+        table = [("", "measured", "declared"), *rows] if are_any else [row[:2] for row in rows]
+        lines = list(column_lines(table, width=width))
         legends = {"stages": SCHEDULE, "symmetric": SYMMETRIC}
         for legend in [TICK, *(text for key, text in legends.items() if measured.get(key))]:
             lines += wrapped(legend, width, first=INDENT, rest=INDENT)
-        parts.append("\n".join(["Measured beside declared", *lines]))
+        parts.append("\n".join([BESIDE_DECLARED if are_any else ALONE, *lines]))
     parts.append(agents_text(measured, width=width))
     lag = lag_unit(str(audit.get("api")))
     influence = influence_text(measured.get("influence") or (), width=width, lag=lag)
@@ -132,7 +137,7 @@ def _errors_text(errors: Sequence[Document], *, width: int) -> str:
 
 def _declared(declared: Any, measured: Any) -> str:
     """A declaration in words, marked where it is another than a measured word or number."""
-    text = _cut(words(declared)) or "not declared"
+    text = _cut(words(declared)) or UNDECLARED
     is_plain = isinstance(measured, str | int) and type(measured) is type(declared)
     return f"{text} (differs)" if is_plain and measured != declared else text
 

@@ -75,9 +75,11 @@ def _episode(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, s
 
 def _alike(each: Mapping[str, Any]) -> str:
     """Sentence on an episode in which no turn is named; empty where there is more to say."""
-    if each["pivots"] or each["not_tried"]:
+    if each["pivots"]:
         return ""
-    return NO_ACTION if each["question"] == "last action" else no_pivot_text(each)
+    if each["question"] == "last action":
+        return "" if each["not_tried"] else NO_ACTION
+    return "; ".join([no_pivot_text(each), *(f"not tried: {text}" for text in each["not_tried"])])
 
 
 def _several(why: str, episodes: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
@@ -98,7 +100,9 @@ def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str
         line = sparkline(shares, has_blocks=has_blocks, bounds=(0.0, 1.0))
         yield f"success (0 to 100%) from turn 0 to {each['turns']}: |{line}|", INDENT
         first = curve[0]
-        yield f"from turn {first['turn']} {share_text(first)} succeed if the policies go on", INDENT
+        if first["turn"] < each["turns"]:  # at the end of the episode it is known
+            start = f"from turn {first['turn']}: {share_text(first)}"
+            yield f"{start} succeed if the policies go on", INDENT
     for pivot in each["pivots"]:
         yield from _pivot(pivot)
     if not each["pivots"]:
@@ -107,11 +111,14 @@ def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str
 
 def no_pivot_text(each: Mapping[str, Any]) -> str:
     """The reason why no turn of an episode is named."""
-    if each["not_tried"]:
-        return "no fall at one turn was shown as far as the budget went"
     curve = each["curve"]
-    if curve and curve[0]["high"] <= 0.25:
-        return "the policies seldom succeed from the first turn on: no turn of this episode lost it"
+    seldom = "the policies seldom succeed from the first turn on"
+    is_seldom = curve and curve[0]["turn"] == 0 and curve[0]["high"] <= 0.25
+    if each["not_tried"]:
+        shown = "no fall at one turn was shown as far as the budget went"
+        return f"{seldom}, and {shown}" if is_seldom else shown
+    if is_seldom:
+        return f"{seldom}: no turn of this episode lost it"
     return "no fall at one turn beyond chance: success was lost little by little, or before turn 0"
 
 

@@ -134,7 +134,7 @@ class _StandingEpisode:
         rekey([each for each in self.generators if id(each) not in own], number)
 
         def chosen() -> None:
-            seed_all(number ^ 1)
+            seed_all(number ^ 1)  # the same number again would repeat what the others drew
             rekey(later, number)
             cast.draw_anew(number, without=free)
 
@@ -407,8 +407,6 @@ class Continuations:
         with kept_global_generators():
             try:
                 ends = list(self._ends_of_copies())
-            except KeyboardInterrupt:
-                raise
             except Exception:  # whatever refuses to be copied is played again
                 return False
         return all(outcome == self.recorded and is_same(a, b) for outcome, a, b in ends)
@@ -432,8 +430,6 @@ def _own_cast(cast: JointPolicy) -> JointPolicy:
     """Policies as they were at first; the cast itself where it can't be copied."""
     try:
         return copy.deepcopy(cast)
-    except KeyboardInterrupt:
-        raise
     except Exception:  # foreign code refuses in many ways
         return cast
 

@@ -1,7 +1,5 @@
 """The loop over an episode, the same for both APIs, for rollouts, reruns and replays."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Ctrl-C held back over a few lines that must not be left half done."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Callable, Iterator

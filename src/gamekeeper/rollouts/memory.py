@@ -1,7 +1,5 @@
 """A sink that keeps evidence in memory."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final

@@ -6,8 +6,6 @@ conversion while pandas can't be found, and is told to look again as soon as som
 environment that hands a Series to pyarrow can't tell the difference.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Memory of policies: whatever they hold, and what functions keep in their modules."""
 
-from __future__ import annotations
-
 import io
 import pickle
 import random
@@ -32,8 +30,6 @@ def state_of(things: Iterable[Any]) -> bytes | None:
     file = io.BytesIO()
     try:
         _Pickler(file, protocol=pickle.HIGHEST_PROTOCOL).dump(list(things))
-    except KeyboardInterrupt:
-        raise
     except Exception:  # foreign code refuses in many ways
         return None
     return file.getvalue() if file.tell() <= MOST_BYTES else None

@@ -1,7 +1,5 @@
 """Randomness around an environment: global generators, its own ones, and the time of day."""
 
-from __future__ import annotations
-
 import random
 import sys
 import time

@@ -1,7 +1,5 @@
 """Reruns of a recorded episode, as it was or with exactly one intervention, and their shrinking."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace

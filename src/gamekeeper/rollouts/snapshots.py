@@ -1,7 +1,5 @@
 """Snapshots of what environments hand out and take: changes since, and writing into them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final

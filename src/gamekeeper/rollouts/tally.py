@@ -1,7 +1,5 @@
 """One episode played for what it comes to, without recording it: about half the cost."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Workers that fork for each task, so that what all tasks import is loaded once."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys
@@ -11,7 +9,7 @@ from contextlib import suppress
 from typing import Any, Final, Self
 
 from gamekeeper.rollouts.worker_process import WorkerProcess
-from gamekeeper.rollouts.workers import JSON, TICK_S, TaskOutcome, environment_of, how_ended
+from gamekeeper.rollouts.workers import JSON, TaskOutcome, WorkerWatch, environment_of
 
 SERVE: Final = f"{__name__}:serve"
 
@@ -89,31 +87,11 @@ def _outcome(
     process: WorkerProcess, begun_s: float, silence_s: float | None, limit_s: float | None
 ) -> TaskOutcome:
     """Outcome of a fork, or of the process where that has ended."""
-    kind, last_s = "", begun_s
-    content: Any = None
-    code: int | None = None
-    while code is None:
-        has_ended = process.has_ended()  # asked first: what it sent last is read after
-        messages = process.messages(TICK_S)
-        now_s = time.monotonic()
-        for name, value in messages:
-            last_s = now_s
-            if name in ("returned", "raised"):
-                kind, content = name, value
-            elif name == "ended":
-                code = value
-        is_silent = silence_s is not None and now_s - last_s > silence_s
-        if code is None and has_ended:
-            code = process.end()
-        elif code is None and (is_silent or (limit_s is not None and now_s - begun_s > limit_s)):
-            text = f"no sign of life for {silence_s:g} s" if is_silent else "not done in time"
-            return TaskOutcome("hung", None, text, process.dump(), now_s - begun_s)
-    seconds = now_s - begun_s
-    if kind == "returned":
-        return TaskOutcome("done", content, None, None, seconds)
-    if kind == "raised":
-        return TaskOutcome("raised", None, content["error"], content["traceback"], seconds)
-    return TaskOutcome("died", None, how_ended(code), process.dumped(), seconds)
+    watch = WorkerWatch(process, lambda: 0, silence_s, limit_s, forks=True, begun_s=begun_s)
+    watch.listen(lambda fields: None)
+    if watch.code is None and watch.overrun is None:
+        watch.code = process.end()
+    return watch.outcome(watch.code or 0, None, time.monotonic() - begun_s)
 
 
 def serve(report: Any, *, modules: Sequence[str]) -> None:

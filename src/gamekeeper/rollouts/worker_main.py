@@ -8,8 +8,6 @@ memory_bytes); then go out `["alive", null]`, any number of `["report", fields]`
 `["returned", value]` or `["raised", {"error": ..., "traceback": ...}]`.
 """
 
-from __future__ import annotations
-
 import errno
 import faulthandler
 import importlib
@@ -151,10 +149,11 @@ def keep(parent: int, *descriptors: int) -> int:
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     for descriptor in descriptors:
         os.close(descriptor)  # their end is the worker's alone
+    # The parent may have died before the kernel was asked: then no signal will come.
     if not _prctl(PR_SET_PDEATHSIG, end) or os.getppid() != parent:
         forward(end, None)
     pid = status = 0
-    while pid != worker:
+    while pid != worker:  # others are orphans that this process adopted
         pid, status = os.wait()
     for name in FORWARDED:
         signal.signal(signal.Signals[name], signal.SIG_IGN)

@@ -1,7 +1,5 @@
 """A worker process as its parent holds it, and its stacks made readable."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -210,6 +208,7 @@ class WorkerProcess:
             chunk = b""
         if not chunk:
             self._selector.unregister(self._channel)
+        # A line may come in several chunks, and a chunk may hold several lines.
         first, *others = chunk.split(b"\n")
         self._cut += first
         for line in others:
@@ -249,7 +248,7 @@ class WorkerProcess:
             deadline, seen = time.monotonic() + most_s, 0
             while time.monotonic() < deadline and not self.has_ended():
                 self._pump(0.05)
-                if seen and seen == len(self._stacks):
+                if seen and seen == len(self._stacks):  # nothing more came: it is whole
                     return self.dumped()
                 seen = len(self._stacks)
         return self.dumped()

@@ -1,7 +1,5 @@
 """Tasks in worker processes: a crash, a hang or hunger for memory is data."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -9,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal, Protocol, TypeAlias
 
 from gamekeeper.errors import GamekeeperError
@@ -57,7 +55,9 @@ class TaskOutcome:
 class WorkerWatch:
     """Listens to a worker until it has ended, or must be ended; knows then how the task ended.
 
-    A worker that `stays` is listened to until it has answered; it waits for another task then.
+    A worker that `stays` is listened to until it has answered; it waits for another task then. One
+    that `forks` for each task says with which `code` the fork has ended; its own stacks don't tell
+    where the task stands.
     """
 
     worker: WorkerProcess
@@ -65,6 +65,9 @@ class WorkerWatch:
     silence_s: float | None
     limit_s: float | None
     stays: bool = False
+    forks: bool = False
+    begun_s: float = field(default_factory=time.monotonic)
+    code: int | None = None
     answer: tuple[str, Any] | None = None
     answered_s: float | None = None
     interrupted_s: float | None = None
@@ -74,7 +77,7 @@ class WorkerWatch:
 
     def listen(self, on_message: Callable[[dict[str, Any]], None]) -> None:
         """Hands on reports until the worker has ended or overrun something."""
-        begun_s = last_s = time.monotonic()
+        last_s = time.monotonic()
         while self.overrun is None:
             has_ended = self.worker.has_ended()  # asked first: what it sent last is read after
             messages = self.worker.messages(TICK_S)
@@ -85,9 +88,12 @@ class WorkerWatch:
                     on_message(content)
                 elif kind in ("returned", "raised"):
                     self.answer, self.answered_s = (kind, content), now_s
-            if has_ended or (self.stays and self.answer is not None):
+                elif kind == "ended":
+                    self.code = content
+            is_over = has_ended or self.code is not None
+            if is_over or (self.stays and self.answer is not None):
                 return
-            self.overrun = self._overrun(now_s, now_s - last_s, now_s - begun_s)
+            self.overrun = self._overrun(now_s, now_s - last_s, now_s - self.begun_s)
 
     def _overrun(self, now_s: float, silent_s: float, total_s: float) -> str | None:
         """Reason why the worker must end now, or None; interrupts it where that is due."""
@@ -112,7 +118,7 @@ class WorkerWatch:
 
     def _located(self, what: str) -> str:
         self.stacks = self.worker.dump()
-        where = place(self.stacks)
+        where = None if self.forks else place(self.stacks)
         return f"{what} in {where}" if where else what
 
     def outcome(self, code: int, memory_bytes: int | None, seconds: float) -> TaskOutcome:

@@ -4,8 +4,6 @@ A repository is only read: a commit's files are written into a folder of their o
 work tree nor the index changes.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re
@@ -20,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.errors import RunError
 from gamekeeper.import_guard import unguarded
 
@@ -158,17 +157,7 @@ class Bisection:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper bisect --json` prints."""
-        return {
-            "first": self.first,
-            "subject": self.subject,
-            "skipped": list(self.skipped),
-            "steps": len(self.tested),
-            "candidates": self.candidates,
-            "tested": [
-                {"name": each.name, "outcome": each.outcome, "seen": each.seen}
-                for each in self.tested
-            ],
-        }
+        return {**fields_json(self), "steps": len(self.tested)}
 
 
 def bisect(

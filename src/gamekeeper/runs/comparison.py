@@ -1,7 +1,5 @@
 """Runs compared row by row: a replay in a fresh process, or two recorded runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -15,6 +13,7 @@ from gamekeeper.episodes.canonical import from_json
 from gamekeeper.episodes.divergence import Divergence, compare_chunks
 from gamekeeper.episodes.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.episodes.known_extent import ENDS_OPEN
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.episodes.where import Where
 from gamekeeper.errors import EvidenceError, PolicyError, RunError, SpecError
@@ -76,18 +75,7 @@ class Replay:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper replay --json` prints."""
-        return {
-            "run": self.run,
-            "verified": self.verified,
-            "within_tolerance": self.within_tolerance,
-            "fingerprint": self.fingerprint,
-            "divergence": None if self.divergence is None else self.divergence.to_json(),
-            "reason": self.reason,
-            "versions": dict(self.versions),
-            "episodes": self.episodes,
-            "cause": self.cause,
-            "consent": None if self.consent is None else self.consent.to_json(),
-        }
+        return fields_json(self)
 
     def __str__(self) -> str:
         return self._verdict() + ("" if self.consent is None else f"\n  {self.consent}")

@@ -1,7 +1,5 @@
 """Consent to run code that a run names: the rule, and the folders in which its imports look."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -10,6 +8,7 @@ from pathlib import PurePath
 from typing import Any, Final
 
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.errors import TrustError
 from gamekeeper.import_guard import active, guarded, pythonpath, unguarded
 from gamekeeper.interface.opening import distrust
@@ -41,7 +40,7 @@ class Consent:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, as it stands in results."""
-        return {"rule": self.rule, "pythonpath": list(self.pythonpath)}
+        return fields_json(self)
 
     def __str__(self) -> str:
         entries = ", ".join(entry or "the current folder" for entry in self.pythonpath)
@@ -114,6 +113,7 @@ def _rule(
     modules = _own(path) if is_open else None
     identity = manifest.get("environment")
     changed = [] if modules is None else own_runs.changed(_opened(modules, identity, policies))
+    # First of all an own run: it alone may import files that aren't installed.
     if modules is not None and not changed and not any(map(is_schemed, policies)):
         return ("own_run" if env is None else "named"), modules
     reason = None

@@ -1,7 +1,5 @@
 """Expands a small run: its episodes are played again into full evidence, which is compared."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Callable, Mapping

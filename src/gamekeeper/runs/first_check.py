@@ -1,7 +1,5 @@
 """The first finished episode of a small run, replayed in a worker while recording goes on."""
 
-from __future__ import annotations
-
 import threading
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Loads evidence out of a run."""
 
-from __future__ import annotations
-
 from os import PathLike
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ as long as it and those files are unchanged. Recording never fails for want of t
 counts as anybody's then.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

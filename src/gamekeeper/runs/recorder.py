@@ -1,7 +1,5 @@
 """Recorders: of one environment by a thread of its own, of many sub-environments, of frames."""
 
-from __future__ import annotations
-
 import atexit
 import io
 import os

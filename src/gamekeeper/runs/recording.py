@@ -1,7 +1,5 @@
 """Recording: a live environment, or rollouts, into a run on disk or into memory."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Replays recorded episodes in one environment, and looks for the cause of a divergence."""
 
-from __future__ import annotations
-
 import json
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Episodes that have to be played before another one, because its reset had no seed."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A recorded episode resumed: its environment and policies, live, at one of its turns."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace

@@ -1,10 +1,8 @@
 """Verifies a run byte by byte, and recovers one that its recorder left open."""
 
-from __future__ import annotations
-
 import json
 import re
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +17,7 @@ from gamekeeper.episodes.digest import EpisodeDigest, episode_header, state_dige
 from gamekeeper.episodes.encoder import EPISODES, KEPT, LEVELS, add_infos, by_episode
 from gamekeeper.episodes.episode import digests_of, states_of_table
 from gamekeeper.episodes.evidence import Evidence, fingerprints
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
 from gamekeeper.runs.files.checksums import (
@@ -83,18 +82,7 @@ class Verification:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper verify --json` prints."""
-        return {
-            "run": self.run,
-            "ok": self.ok,
-            "root": self.root,
-            "self_consistent": self.self_consistent,
-            "matches": self.matches,
-            "damage": [asdict(each) for each in self.damage],
-            "strays": list(self.strays),
-            "not_checked": self.not_checked,
-            "fingerprint": self.fingerprint,
-            "annotations": self.annotations,
-        }
+        return {**fields_json(self), "ok": self.ok}
 
     def __str__(self) -> str:
         damage = [f"{each.file}: {each.what}; {each.detail}".rstrip("; ") for each in self.damage]
@@ -144,6 +132,7 @@ def verify(
         asked, _, fingerprint = fingerprint.partition(":")
         _check_same_level(path, asked, level)
     kinds = {"root": found.root or "", "fingerprint": digits_again}
+    # A fingerprint that is given as the root digest, or the reverse, is a mistake and no other run.
     for option, digits, other in (
         ("root", root, "fingerprint"),
         ("fingerprint", fingerprint, "root"),

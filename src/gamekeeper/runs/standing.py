@@ -1,7 +1,5 @@
 """A run against an environment as it is now, and the policies and command that it names."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence

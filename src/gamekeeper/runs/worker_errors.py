@@ -1,7 +1,5 @@
 """Errors that come from worker processes as plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from gamekeeper import errors

@@ -1,7 +1,5 @@
 """Tasks of worker processes: record a rollout, look at a game form, compare it with a run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict

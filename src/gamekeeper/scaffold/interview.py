@@ -1,7 +1,5 @@
 """The questions of `gamekeeper new`: answers of options, of the user, and defaults."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Protocol, TypeVar

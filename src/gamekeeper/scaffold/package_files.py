@@ -1,7 +1,5 @@
 """All files of a new task's package, by their paths: templates filled in from its plan."""
 
-from __future__ import annotations
-
 import textwrap
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Plan of a new task: answers of `gamekeeper new`, checked, and the API that fits."""
 
-from __future__ import annotations
-
 import keyword
 import math
 import re

@@ -1,7 +1,5 @@
 """Answers about time: their contradictions, and the API that follows from them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final

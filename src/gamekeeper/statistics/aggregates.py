@@ -130,6 +130,8 @@ def over_environments(
     if shared_seeds:
         luck = list(_luck(list(scores.values()), strata, statistic, target))
     if statistic == "optimality_gap":
+        # The gap is the mean of what each score lacks: from here on it is a mean like the other
+        # one.
         strata = [target - np.minimum(each, target) for each in strata]
     runs = sum(map(len, strata))
     if statistic == "median" and len(strata) > 1:
@@ -146,12 +148,14 @@ def over_environments(
         if result.bounds is None:
             raise no_spread(value, runs, "training runs", where=where)
         least, most = result.bounds(level)
+        # t is (estimate - truth) / error, so its greatest value bounds the truth from below.
         low, high = value - most * result.error, value - least * result.error
         found = Interval(value, low, high, runs, "bootstrap-t, runs within environments")
         freedom_of_runs = result.freedom
     if not any(luck):
         return found
     degrees = [_episodes(each) - 1 for each in scores.values()]
+    # Satterthwaite: variances of environments add up, each known with its own degrees of freedom.
     freedom_of_seeds = sum(luck) ** 2 / sum(v * v / n for v, n in zip(luck, degrees, strict=True))
     reach = student(level, freedom_of_seeds) * sqrt(sum(luck))
     return with_seeds(found, reach, (freedom_of_runs, freedom_of_seeds), level)
@@ -178,9 +182,11 @@ def _luck(
         matrix = crossed(each, where=where)
         kept, weight = np.arange(len(means)), 1.0 if statistic == "median" else 1 / many
         if statistic == "iqm":
+            # To first order only runs between the quartiles move the interquartile mean.
             kept = np.flatnonzero((means >= low) & (means <= high))
             weight = len(kept) / middle
         elif statistic == "optimality_gap":
+            # A run above the target lacks nothing, whatever its seeds.
             kept = np.flatnonzero(means < target)
             weight = len(kept) / len(means) / many
         if matrix is None or not len(kept):
@@ -239,6 +245,8 @@ def _resampled_medians(
         drawn = [each[rng.integers(0, len(each), (many, len(each)))] for each in strata]
         means = np.stack([each.mean(axis=1) for each in drawn])
         if any(luck):
+            # Seeds move all runs of an environment at once: they are added to its mean, not to a
+            # run.
             means += np.sqrt(luck)[:, None] * rng.standard_normal(means.shape)
         found[start : start + many] = np.median(means, axis=0)
     return found
@@ -260,6 +268,7 @@ def probability_of_improvement(a: Figures, b: Figures) -> float:
     """
     one, two = figures(a, _WHERE), np.sort(figures(b, _WHERE))
     enough(min(len(one), len(two)), 1, "values", where=_WHERE)
+    # A value of b below counts twice, a tied one once; hence half of the sum.
     under = np.searchsorted(two, one, side="left") + np.searchsorted(two, one, side="right")
     return float(under.sum() / (2 * len(one) * len(two)))
 
@@ -350,10 +359,13 @@ def _independent(a: FloatArray, b: FloatArray, level: float, is_one_of_many: boo
         one, two = (
             wilson(int((each == seen[-1]).sum()), len(each), level=level) for each in (a, b)
         )
+        # With two values the chance is 1/2 + (share of a - share of b) / 2, so half of the
+        # distances.
         low = value - hypotenuse(one.p - one.low, two.high - two.p) / 2
         high = value + hypotenuse(one.high - one.p, two.p - two.low) / 2
         return Interval(value, low, high, n, "Newcombe, of two shares")
     both = len(a) + len(b)
+    # c values that are tied take c^3 - c from the N^3 - N of the variance of a sum of ranks.
     untied = 1 - float((counts**3.0 - counts).sum()) / (both**3 - both)
     z = student(level, both - 2) if is_one_of_many else NormalDist().inv_cdf(0.5 + level / 2)
     low, high = _newcombe(value, len(a), len(b), untied, z)
@@ -362,6 +374,7 @@ def _independent(a: FloatArray, b: FloatArray, level: float, is_one_of_many: boo
 
 def _newcombe(value: float, n: int, m: int, untied: float, z: float) -> tuple[float, float]:
     """The chances that a score test with the exponential model's variance doesn't reject."""
+    # Hanley & McNeil 1982, with the mean of n - 1 and m - 1 in place of each (this is method 5).
     half = (n + m) / 2 - 1
 
     def score(truth: float) -> float:

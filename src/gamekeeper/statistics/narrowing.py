@@ -142,6 +142,7 @@ class Narrowing:
         if len(array) and array[0] in ends:
             since, pair = 0, ends
         else:
+            # Without bounds, two outcomes are known as such only from the second one on.
             others = np.flatnonzero(array != array[0]) if len(array) else np.empty(0, np.intp)
             if not len(others):
                 return None
@@ -184,6 +185,7 @@ def _of_any(values: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
     lean = third / spread**1.5 / np.sqrt(n)
     far = series(NormalDist().inv_cdf(0.5 + level / 2), np.maximum(n - 1, 1))  # told from 50 on
     under, above = stretches(lean, _STRETCH)
+    # Hall: his transformed t is what is normal; its bounds, taken back, follow the skewness.
     least = -under * np.maximum(far, -_hall(-far, lean))
     most = above * np.maximum(far, _hall(far, lean))
     return centre + one - most * error, centre + one - least * error

@@ -110,6 +110,7 @@ def differing(ordered: FloatArray, part: float, tail: float) -> Any:
         [...].
     """
     n = ordered.shape[-1]
+    # The upper bound is the lower one of the reversed values, at 1 - part.
     inner = ordered[..., ranks(n, part, tail)[0] - 1 : n + 1 - ranks(n, 1 - part, tail)[0]]
     return (1 + (np.diff(inner, axis=-1) > 0).sum(axis=-1)) / inner.shape[-1]
 
@@ -128,6 +129,7 @@ def ranks(n: int, part: float, tail: float) -> tuple[int, float]:
         else:
             above = half
     first, second = (binomial_at_most(under - 1, n, part), binomial_at_most(under, n, part))
+    # Nyblom's weights: interpolated so that the chance beyond the bound is the tail's.
     off = under * (1 - part) * (second - tail)
     near = (n - under) * part * (tail - first)
     return under, near / (near + off) if near + off > 0 else 0.0
@@ -196,6 +198,7 @@ def reach_of_mean(t: FloatArray, values: FloatArray, level: float) -> tuple[Floa
     under, above = stretches(lean, _STRETCH * tailed)
     low, high = _score_of_two(lean, n, bound)
     beyond = np.maximum(heaped - _HEAPED[0], 0.0)
+    # The fewer values are heaped on two, the less the score interval of two values binds.
     low *= 1 + np.where(lean > 0, *_HEAPED[1:]) * beyond
     high *= 1 + np.where(lean < 0, *_HEAPED[1:]) * beyond
     farthest = bound * (_LONGEST[0] + _LONGEST[1] * np.abs(lean))
@@ -368,6 +371,7 @@ def around(
     standard = (values - mean) / spread
     least, most = map(float, reach_of_mean(t_of_means(standard, rng), standard, level))
     error = spread / sqrt(n)
+    # t is (mean - truth) / error, so its greatest value bounds the truth from below.
     return Interval(value, value - most * error, value - least * error, n, "bootstrap-t")
 
 

@@ -158,6 +158,7 @@ def tango(more: int, less: int, n: int, level: float) -> tuple[float, float]:
     value = (more - less) / n
 
     def score(truth: float) -> float:
+        # Likeliest share of pairs that differ by -1 if the difference is `truth`: a quadratic root.
         a, b = 2 * n, (2 * n - more + less) * truth - more - less
         less_share = (sqrt(max(b * b + 4 * a * less * truth * (1 - truth), 0.0)) - b) / (2 * a)
         variance = n * (2 * less_share + truth * (1 - truth))

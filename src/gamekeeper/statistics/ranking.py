@@ -21,6 +21,7 @@ def cycle_of(beats: Beats) -> list[int]:
     found: list[int] = []
     for start in range(len(beats)):
         paths, seen = [[start]], {start}
+        # Breadth first: the first path back to its start is a shortest from there.
         while paths and not (found and len(paths[0]) >= len(found)):
             path = paths.pop(0)
             ahead = np.flatnonzero(beats[path[-1]]).tolist()
@@ -52,6 +53,7 @@ def alpha_rank(beats: Beats) -> FloatArray:
     chance = np.where(beats.T, 1 - _RARE, np.where(beats, _RARE, 0.5)) / (count - 1)
     np.fill_diagonal(chance, 0.0)
     np.fill_diagonal(chance, 1 - chance.sum(axis=1))
+    # A stationary row p solves p (chance - 1) = 0 and sums to 1: one equation more than unknowns.
     balance = np.vstack([chance.T - np.eye(count), np.ones(count)])
     found, *_ = np.linalg.lstsq(balance, np.append(np.zeros(count), 1.0), rcond=None)
     return np.asarray(found, np.float64)

@@ -46,6 +46,7 @@ def t_of_means(values: FloatArray, rng: Generator) -> FloatArray:
     for start in range(0, RESAMPLES, step):
         drawn = values[rng.integers(0, n, (min(step, RESAMPLES - start), n))]
         mean = drawn.mean(axis=1)
+        # The variance is that with divisor n; sqrt(n - 1) below makes its root the usual error.
         variance = np.einsum("ij,ij->i", drawn, drawn) / n - mean * mean
         t[start : start + step] = (
             mean * sqrt(n - 1) / np.sqrt(np.maximum(variance, _LEAST_VARIANCE))
@@ -240,6 +241,7 @@ def stratified(strata: Sequence[FloatArray], estimate: Estimate, rng: Generator)
     value, variances = estimate(strata)
     variance = float(variances.sum())
     largest = max(float(np.abs(each).max()) for each in strata)
+    # What is left by rounding of equal scores is no spread.
     if variance <= (1e-12 * largest) ** 2:
         return Stratified(float(value), 0.0, None)
     t = np.empty(RESAMPLES)
@@ -251,5 +253,6 @@ def stratified(strata: Sequence[FloatArray], estimate: Estimate, rng: Generator)
         errors = np.sqrt(np.maximum(spreads.sum(axis=-1), 1e-12 * variance))
         t[start : start + many] = (values - value) / errors
     degrees = np.array([len(each) - 1 for each in strata])
+    # Satterthwaite: variances of strata add up, each known with one degree less than its runs.
     freedom = variance**2 / float((variances**2 / degrees).sum())
     return Stratified(float(value), variance**0.5, reach(t, freedom), freedom)

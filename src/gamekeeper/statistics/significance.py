@@ -19,7 +19,6 @@ FloatArray = NDArray[np.float64]
 LEVEL: Final = 0.95
 ROUNDS: Final = 999
 """Permutations that are drawn; the least p-value is then 1 / 1,000."""
-"""Bisections of an exact bound; more digits than a float has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +42,7 @@ def p_text(p: float) -> str:
 
 
 def wilson(hits: int, looks: int, *, level: float = LEVEL) -> Share:
-    """The share of hits with Wilson's score interval, which is honest for small counts too.
+    """The share of hits with Wilson's score interval, which covers for small counts too.
 
     Args:
         hits: in [0, looks].
@@ -95,6 +94,7 @@ def permutation_test(
     values = _standardised(np.concatenate([one, two]))
     if values.shape[1] == 0:
         return 1.0
+    # Values times these signs give the difference of both means, whichever way they are dealt.
     signs = np.concatenate([np.full(len(one), 1 / len(one)), np.full(len(two), -1 / len(two))])
     drawn = rng.permuted(np.tile(signs, (rounds, 1)), axis=1)
     seen = np.abs(signs @ values).max()
@@ -159,6 +159,7 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
     corrected = [1.0] * len(p_values)
     largest = 0.0
     for rank, place in enumerate(order):
+        # The running maximum keeps a test from being corrected below one with a smaller p-value.
         largest = max(largest, min((len(p_values) - rank) * p_values[place], 1.0))
         corrected[place] = largest
     return tuple(corrected)

@@ -27,6 +27,7 @@ def incomplete_beta(a: float, b: float, x: float) -> float:
     """
     if x <= 0.0 or x >= 1.0:
         return 0.0 if x <= 0.0 else 1.0
+    # Above the mean the fraction converges slowly; the other tail, mirrored, converges fast.
     if x > (a + 1) / (a + b + 2):
         return 1.0 - incomplete_beta(b, a, 1.0 - x)
     front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x))
@@ -38,9 +39,10 @@ def _fraction(a: float, b: float, x: float) -> float:
     c, d = 1.0, 1.0 / (_away(1.0 - (a + b) * x / (a + 1)))
     value = d
     for m in range(1, _TERMS):
+        # The coefficients d(2m) and d(2m + 1) of formula 6.4.6.
         even = m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m))
-        nonconforming = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))
-        for term in (even, nonconforming):
+        odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))
+        for term in (even, odd):
             d = 1.0 / _away(1.0 + term * d)
             c = _away(1.0 + term / c)
             value *= c * d
@@ -76,6 +78,7 @@ def student(level: float, freedom: float) -> float:
     t = z
     for _ in range(_HALVINGS):
         density = exp(scale - half * log1p(t * t / freedom))
+        # Both tails together fall by twice the density.
         step = (student_p(t, freedom) - (1 - level)) / (2 * density)
         t += step
         if step <= 1e-12 * t:

@@ -111,6 +111,7 @@ def variance_of_seeds(blocks: Sequence[Crossed], *, where: str) -> float:
     for block in blocks:
         rows = block.values_re[block.kept]
         together += block.weight * rows.mean(axis=0)
+        # A column's mean holds the residue of the runs in it, too, which is no luck of its seed.
         residue += block.weight**2 * _residue(block.values_re) / (len(rows) * episodes)
     variance = float(together.var(ddof=1)) / episodes
     return float(max(variance - residue, 0.0))
@@ -140,6 +141,7 @@ def too_long(runs: float, seeds: float, freedoms: tuple[float, float], level: fl
     Source: Satterthwaite 1946, "An approximate distribution of estimates of variance components".
     """
     far = [student(level, freedom) for freedom in freedoms]
+    # A reach is Student's times the error: divided by it, the square is the variance.
     squares = [float((reach / each) ** 2) for reach, each in zip((runs, seeds), far, strict=True)]
     whole = hypotenuse(runs, seeds)
     if min(squares) <= 0.0:

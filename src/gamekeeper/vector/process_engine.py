@@ -17,13 +17,13 @@ from typing import Any, Final
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.exception_text import said_by
-from gamekeeper.errors import EnvError, SpecError
+from gamekeeper.errors import SpecError
 from gamekeeper.interface.construction import foreign_traceback
 from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.slim import slim
 from gamekeeper.rollouts.interrupts import HeldInterrupt
 from gamekeeper.rollouts.worker_process import WorkerProcess
-from gamekeeper.vector.serial_engine import block_of
+from gamekeeper.vector.serial_engine import block_of, failure
 from gamekeeper.vector.sub_env_block import Autoreset, Said, SubEnvBlock
 from gamekeeper.vector.vector_form import (
     SharedMemory,
@@ -107,7 +107,7 @@ class ProcessEngine:
                 actual=repr(envs.spec)[:200],
                 fix="name the factory, or use engine='serial'",
             )
-        plan = form.plan(envs.num_envs)
+        self._form, plan = form, form.plan(envs.num_envs)
         self._shared = SharedMemory(size_of(plan))
         self.arrays = arrays_in(self._shared.memory, plan)
         self.failed: dict[int, str] = {}
@@ -218,24 +218,28 @@ class ProcessEngine:
         """A worker is gone: that ends it all, or its copies alone.
 
         Raises:
-            EnvError: nobody asked to go on, or nobody is left.
+            EnvError, ActionError: nobody asked to go on, or nobody is left; see `failure`.
         """
         e = worker.first + int(self.arrays["cursor"][worker.first])
         worker.is_gone = True
         worker.process.end()
         text = f"copy {e}: {how}"
+        error = failure(
+            self._form,
+            self.arrays,
+            e,
+            text,
+            traceback,
+            where=f"env {e}, in the worker of envs {worker.first} to {worker.last - 1}",
+            fix="step it alone to see more, or make with on_failure='go_on'",
+        )
         self.failed |= dict.fromkeys(range(worker.first, worker.last), text)
         for name, array in part(self.arrays, slice(worker.first, worker.last)).items():
             if name.startswith(_OF_A_STEP):
                 array[...] = 0
         if not self._goes_on or all(each.is_gone for each in self._workers):
             self.close()
-            raise EnvError(
-                text,
-                where=f"env {e}, in the worker of envs {worker.first} to {worker.last - 1}",
-                actual=f"\n{traceback}" if traceback else "",
-                fix="step it alone to see more, or make with on_failure='go_on'",
-            )
+            raise error
 
     def close(self) -> None:
         """Ends every worker; its copies are closed there first, unless Ctrl-C comes meanwhile."""

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gamekeeper.episodes.exception_text import said_by
-from gamekeeper.errors import ActionError, EnvError
+from gamekeeper.errors import ActionError, EnvError, GamekeeperError
 from gamekeeper.interface.construction import foreign_traceback
+from gamekeeper.interface.legality import forbidden
 from gamekeeper.vector.sub_env_block import Autoreset, Said, SubEnvBlock
 from gamekeeper.vector.tick_block import TickBlock
 from gamekeeper.vector.turn_block import TurnBlock
-from gamekeeper.vector.vector_form import VectorForm, arrays_in, own_memory
+from gamekeeper.vector.vector_form import Arrays, VectorForm, arrays_in, own_memory
 from gamekeeper.vector.vector_rows import Batches, Recording
 
 
@@ -19,6 +20,31 @@ def block_of(envs: Sequence[Any], arrays: Any, form: VectorForm, **options: Any)
     """The block for the form's API."""
     kind = TurnBlock if form.api == "aec" else TickBlock
     return kind(envs, arrays, form, **options)
+
+
+def failure(
+    form: VectorForm, arrays: Arrays, e: int, how: str, traceback: str, *, where: str, fix: str
+) -> GamekeeperError:
+    """Error of a sub-environment that failed; names an agent that did what its mask forbids.
+
+    Args:
+        arrays: of the step in which it failed; its masks are those from before the step.
+        e: place of the sub-environment in them.
+        how: the failure, in a sentence.
+    """
+    turn = int(arrays["turn"][e])
+    for g, group in enumerate(form.groups):
+        for i, agent in enumerate(group.agents) if group.flags else ():
+            column = group.first + i
+            if column != turn if form.api == "aec" else not arrays["live"][e, column]:
+                continue
+            at = (e,) if form.api == "aec" else (e, i)
+            action = arrays[f"action.{g}.0"][at]
+            mask, then = arrays[f"mask.{g}"][at], f"{how}\n{traceback}"
+            error = forbidden(agent, action, group.action_space, mask, then=then)
+            if error is not None:
+                return ActionError(**error.parts() | {"where": f"{where}, {error.where}"})
+    return EnvError(how, where=where, actual=f"\n{traceback}" if traceback else "", fix=fix)
 
 
 class SerialEngine:
@@ -67,12 +93,15 @@ class SerialEngine:
         """Closes every copy."""
         self._block.close()
 
-    def _named(self, error: Exception) -> EnvError:
+    def _named(self, error: Exception) -> GamekeeperError:
         e = int(self.arrays["cursor"][0])
-        return EnvError(
+        return failure(
+            self._block.form,
+            self.arrays,
+            e,
             f"copy {e} raised {said_by(error)}",
+            foreign_traceback(error),
             where=f"env {e}",
-            actual=f"\n{foreign_traceback(error)}",
             fix=error.fix
             if isinstance(error, ActionError)
             else "correct the environment where the traceback points",

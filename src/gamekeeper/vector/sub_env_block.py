@@ -118,6 +118,9 @@ class SubEnvBlock:
     def _reset_env(self, e: int) -> Any:
         self._arrays["cursor"][0] = e
         self._arrays["episode"][e] = self._episodes[e]
+        for g, group in enumerate(self.form.groups):
+            if group.flags:  # of the episode before: no action of this one was forbidden by it
+                self._arrays[f"mask.{g}"][e] = 0
         if self._shelf is not None:
             self.envs[e].episode = self._episodes[e] - 1  # its reset begins the next one
         seed = self._seeds[self._episodes[e]]

@@ -76,7 +76,10 @@ class VectorEnv:
         copies: arrays are handed out as copies; else the next step overwrites them.
         observation_space: of all copies together.
         action_space: likewise.
+        fix_of_masked: advice to a learner that did what a mask forbids.
     """
+
+    fix_of_masked = "choose by infos['action_mask']: plain DQN and PPO read no masks"
 
     def __init__(
         self,
@@ -149,12 +152,18 @@ class VectorEnv:
             last);
             `failed`, texts by env, where the process of some is gone.
         Raises:
-            ActionError: the arrays haven't the right shape.
-            EnvError: an environment raised, or its process died or hung; says which.
+            ActionError: the arrays haven't the right shape; or an environment raised, or its rules
+                refuse, after an agent did what its mask forbids.
+            EnvError: another environment raised, or its process died or hung; says which.
         """
         self._check(begun=True)
         self._take(actions)
-        said = self._engine.step()
+        try:
+            said = self._engine.step()
+        except ActionError as error:
+            if not any(group.flags for group in self.groups):
+                raise
+            raise ActionError(**error.parts() | {"fix": self.fix_of_masked}) from error
         arrays = self._engine.arrays
         flags = [self._by_group(arrays[name]) for name in ("rewards", "terminated", "truncated")]
         return self._obs("obs"), *flags, self._infos(said)

@@ -56,7 +56,7 @@ def opened(
         path: the folder of the run.
         key: its letter on the page.
         name: its name on the page; None: the folder's name.
-        condition: under which an episode of the team failed, where the contract declares none.
+        condition: under which an episode of the team failed, in place of the contract's.
     """
     folder = Path(path)
     return shown(
@@ -221,7 +221,8 @@ def report(
         pivots=pivots,
         evaluation=evaluation,
     )
-    condition = (documents.diagnosis or {}).get("conditions", {}).get(TEAM)
+    told = documents.diagnosis or documents.pivots or {}
+    condition = told.get("conditions", {}).get(TEAM)
     named = zip(LETTERS, paths, strict=False)
     runs = [opened(path, key=key, condition=condition) for key, path in named]
     page = _page(

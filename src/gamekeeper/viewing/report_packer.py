@@ -138,6 +138,7 @@ class Packer:
                 marks=self._marks(key, number),
                 frames=frames,
                 has_failed=run.failed[run.figures.place(number)],
+                condition=run.asked,
                 pivots=self._pivots if key == self._main else None,
             )
         )

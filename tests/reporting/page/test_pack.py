@@ -93,7 +93,7 @@ def test_failing_episode_is_marked() -> None:
     """Where the contract's condition holds, the end of the episode says so."""
     evidence = recorded(failure="gain < 100", episodes=1)
     marks = packed_of(evidence, 0)["marks"]
-    assert "failed for team: gain < 100" in [mark["text"] for mark in marks]
+    assert "gain < 100" in [mark["text"] for mark in marks]
     assert [entry["failing"] for entry in entries_of(evidence)] == [True]
 
 

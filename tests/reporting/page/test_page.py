@@ -276,7 +276,7 @@ def test_wrong_document_is_refused(tmp_path: Path, content: str) -> None:
 @pytest.mark.parametrize(
     ("failure", "expected"),
     [
-        ("gain > 1e9", "0 of 3 episodes failed (failed if team: gain > 1e9)."),
+        ("gain > 1e9", "0 of 3 episodes failed (failed if gain > 1e9)."),
         (
             None,
             "No condition of failure is declared. Return of all agents together: between 9 and 11.",

@@ -11,7 +11,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.diagnosis.play_on import BranchPoint, PlayOnOptions
-from gamekeeper.diagnosis.play_on_tasks import record_task
+from gamekeeper.diagnosis.play_on_tasks import play_on_task
 from gamekeeper.errors import TrustError
 from gamekeeper.viewing import interactive
 from gamekeeper.viewing.viewer import Viewer
@@ -111,7 +111,7 @@ def recorded_here(
 ) -> bool:
     """As `record_future`, without the second that a process of its own takes."""
     arguments = ordered(run, branch, number=number, out=str(out))
-    return bool(record_task(lambda **fields: None, **arguments)["replays"])
+    return bool(play_on_task(lambda **fields: None, kind="record", **arguments)["replays"])
 
 
 @pytest.mark.usefixtures("eager")

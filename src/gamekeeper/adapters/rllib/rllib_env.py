@@ -15,8 +15,11 @@ from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
 from gamekeeper.adapters.requirements import checked
 from gamekeeper.adapters.rllib.rllib_game import RLlibGame, opened_game
+from gamekeeper.episodes.exception_text import said_by
 from gamekeeper.errors import ActionError, ContractError
+from gamekeeper.interface.action_mask import reader
 from gamekeeper.interface.joint_policy import Choices, JointPolicy
+from gamekeeper.interface.legality import forbidden
 from gamekeeper.randomness.seeds import EpisodeSeeds
 
 
@@ -260,6 +263,9 @@ class Turns(World):
 
 
 ALL: Final = "__all__"
+FIX_OF_MASKED: Final = (
+    "config.rl_module(rl_module_spec=rllib.modules(spec)), whose networks read masks, with PPO"
+)
 LOOK: Final[tuple[int, dict[str, Any]]] = (42, {})
 """Seed and options with which RLlib resets an environment to check it before the run.
 
@@ -369,11 +375,15 @@ class AgentsEnv(MultiAgentEnv):
     def step(self, action_dict: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
         """Plays on to the next decision; returns observations, rewards, both flags, infos."""
         sights, agent_of = self._capture.sights, self._capture.agent_of
-        told = self._named(
-            self._world.act(
-                {agent_of[name]: sights[name].meant(act) for name, act in action_dict.items()}
-            )
-        )
+        acts = {agent_of[name]: sights[name].meant(act) for name, act in action_dict.items()}
+        try:
+            told = self._named(self._world.act(acts))
+        except Exception as error:
+            for agent, act in acts.items():
+                masked = self._masked(agent, act, f"the environment raised {said_by(error)}")
+                if masked is not None:
+                    raise masked from error
+            raise
         is_over = self._world.is_over
         told = self._tellable(told, is_over=is_over)
         terms, truncs = _flags(told, is_over=is_over)
@@ -384,6 +394,15 @@ class AgentsEnv(MultiAgentEnv):
         ]
         rewards = {name: one.reward for name, one in told.items()}
         return self._observations(told), rewards, terms, truncs, self._infos(told)
+
+    def _masked(self, agent: Any, action: Any, then: str) -> ActionError | None:
+        """Error of a learner that did what its mask forbids, before `then`."""
+        seen = self._world.live.get(agent)
+        sight = self._capture.sights.get(self._capture.name_of.get(agent, ""))
+        if seen is None or sight is None:
+            return None
+        mask, space = reader(sight.place)(seen.observation, seen.info), self.env.action_space(agent)
+        return forbidden(agent, action, space, mask, then=then, fix=FIX_OF_MASKED)
 
     def render(self) -> Any:
         """Renders the environment."""

@@ -20,6 +20,7 @@ from stable_baselines3.common.buffers import (
 from stable_baselines3.common.vec_env import VecNormalize
 
 from gamekeeper.adapters.decisions import decided
+from gamekeeper.adapters.sb3.sb3_envs import FIX_OF_MASKED
 from gamekeeper.adapters.slot_views import at
 from gamekeeper.adapters.slots import Slots
 from gamekeeper.errors import SpecError
@@ -75,8 +76,7 @@ def _note_masks(venv: Any) -> None:
     if venv.slots.masks.size:
         sys.stderr.write(
             "gamekeeper: agents have action masks, and of all algorithms MaskablePPO alone reads"
-            " them (fix: MaskablePPO with **sb3.buffer(venv, masked=True); others need rules in"
-            " which a forbidden action does something)\n"
+            f" them (fix: {FIX_OF_MASKED})\n"
         )
 
 

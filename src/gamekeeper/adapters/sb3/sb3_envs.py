@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from gymnasium import spaces
@@ -14,8 +14,13 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from gamekeeper.adapters.requirements import checked
 from gamekeeper.adapters.slots import Slots
-from gamekeeper.errors import ActionError, EnvError, SpecError
+from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
+
+FIX_OF_MASKED: Final = (
+    "MaskablePPO with **sb3.buffer(venv, masked=True), as other algorithms read no masks; or rules"
+    " in which an action that the mask forbids does something, such as to wait"
+)
 
 
 def vec_env(
@@ -134,6 +139,7 @@ class SlotVecEnv(VecEnv):
 
     def __init__(self, slots: Slots) -> None:
         self.slots = slots
+        slots.venv.fix_of_masked = FIX_OF_MASKED
         self.render_mode = None
         self._next_seed: int | None = None
         self._is_noted = False
@@ -154,11 +160,7 @@ class SlotVecEnv(VecEnv):
 
     def step_wait(self) -> Any:
         """Steps every sub-environment; returns observations, rewards, dones, infos of slots."""
-        try:
-            done = self.slots.step(self._actions)
-        except EnvError as error:
-            self._name_masked(error)
-            raise
+        done = self.slots.step(self._actions)
         if not (self.slots.is_watched or self._is_noted or self.slots.acted.all()):
             self._is_noted = True
             sys.stderr.write(
@@ -179,26 +181,6 @@ class SlotVecEnv(VecEnv):
                 },
             }
         return done.obs, done.rewards.astype(np.float32), dones, infos
-
-    def _name_masked(self, error: EnvError) -> None:
-        """Raises another error if slots did what is masked out as a sub-environment raised."""
-        slots, space = self.slots, self.action_space
-        if not slots.masks.size or not isinstance(space, spaces.Discrete | spaces.MultiDiscrete):
-            return
-        sizes = [space.n] if isinstance(space, spaces.Discrete) else space.nvec
-        places = self._actions.reshape(slots.count, -1) + np.cumsum([0, *sizes[:-1]])
-        is_masked = ~np.take_along_axis(slots.masks, places, 1).all(1) & slots.acted
-        if is_masked.any():
-            slot = int(is_masked.argmax())
-            agent = slots.learners[slot % len(slots.learners)]
-            raise ActionError(
-                f"the learner did what is masked out for agent {agent!r}: it doesn't read masks",
-                where=f"env {slot // len(slots.learners)}",
-                expected=f"an action of the mask {slots.masks[slot].tolist()}",
-                actual=f"{self._actions[slot]}; then {error.what.splitlines()[0]}",
-                fix="MaskablePPO with **sb3.buffer(venv, masked=True); or rules in which"
-                " an action that the mask forbids does something, such as to wait",
-            ) from error
 
     def _infos(self) -> list[dict[str, Any]]:
         """Returns an empty info for each slot, new ones where the last step's were written into."""

@@ -191,6 +191,7 @@ class TianshouAgents:
         **options: Any,
     ) -> None:
         self.venv = make(spec, num_envs, seed=seed, infos=others is not None, **options)
+        self.venv.fix_of_masked = "DiscreteActorPolicy(actor=tianshou.masked(actor), ...)"
         self.num_envs, self.seed, self._is_aec = num_envs, seed, self.venv.api == "aec"
         try:
             self._arrange(role)

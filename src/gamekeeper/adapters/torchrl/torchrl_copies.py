@@ -8,7 +8,7 @@ them, also in mid-episode, and without stepping the others. So this reaches into
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from gamekeeper.vector.serial_engine import SerialEngine
 
 Bools = NDArray[np.bool_]
+FIX_OF_MASKED: Final = (
+    "ProbabilisticActor(in_keys={'logits': ..., 'mask': (group, 'action_mask')},"
+    " distribution_class=MaskedCategorical), with env(..., masks=True)"
+)
 
 
 class Copies:
@@ -55,6 +59,7 @@ class Copies:
             autoreset="next_step" if self._stands_still else "same_step",
             **options,
         )
+        self.venv.fix_of_masked = FIX_OF_MASKED
         self._engine: Any = self.venv._engine
         self._is_kernel = engine == "kernel"
         self.num_envs, self.api = num_envs, self.venv.api

@@ -119,10 +119,20 @@ def refuses(action: Any) -> Reproducer:
     )
 
 
+ENDED: Final = "if env.last()[2] or env.last()[3]:\n    "
+
+
 def begins(api: str, resets: int, turns: Sequence[Mapping[Any, Any]]) -> Reproducer:
-    """After so many resets there are agents, and the turns can be played."""
+    """After so many resets there are agents, and the turns can be played.
+
+    A None step is one of an agent that has ended: it is left out where the agent lives, as it may
+    once the cause is held still.
+    """
     look = "" if api == "parallel" else "env.last()\n"
-    steps = "".join(f"{look}env.step({step_argument(api, actions)})\n" for actions in turns)
+    arguments = [step_argument(api, actions) for actions in turns]
+    steps = "".join(
+        f"{look}{ENDED if each == 'None' else ''}env.step({each})\n" for each in arguments
+    )
     seen = (
         "" if api == "parallel" else "if env.agents:\n    env.last()\n"
     )  # what the last step left

@@ -163,6 +163,8 @@ def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeE
     Fix: where one agent's end is the end for all, terminate (or truncate) all of them in that step;
     else keep the others in `agents`
     """
+    if not all(has_ended for *_, has_ended in _left_a_tick(evidence)):
+        return  # they leave without a flag at other times too, of which GK501 tells
     for trace in evidence["rollout"]:
         live: frozenset[str] = frozenset()
         for turn in trace.turns:

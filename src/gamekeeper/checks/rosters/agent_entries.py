@@ -181,10 +181,12 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
     if evidence.api == "aec":
         yield from _living_in_books(evidence)
         return
+    forms = [fact.value.calls for fact in evidence.facts(ReturnedForms)]
+    misshapen = {turn > 0 for calls in forms for turn, wrong in enumerate(calls) if wrong}
     for trace in evidence["rollout"]:
         for each in turn_entries(trace):
-            if each.says_nothing:
-                continue
+            if each.says_nothing or (each.turn.index > 0) in misshapen:
+                continue  # no dictionary, so no entry: GK110
             bad = [(a, p) for a in sorted(each.missing) for p in _owed(each, a)]
             for agent, part in bad:
                 yield Case(

@@ -8,7 +8,7 @@ from typing import Any, Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import plays_with_rosters
-from gamekeeper.checks.facts.play_facts import TurnRosters
+from gamekeeper.checks.facts.play_facts import AgentNames, TurnRosters
 from gamekeeper.checks.facts.surface_facts import (
     AgentCounts,
     LiveRosters,
@@ -107,7 +107,7 @@ def _look(where: Where, names: Any, named: list[str], proof: Reproducer) -> Case
     return Case(where, names == named, named, names, proof=proof)
 
 
-@check("GK104", HIGH, "rollout", "surface")
+@check("GK104", HIGH, "rollout", "surface", "evidence")
 def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """No name stands twice in `agents` or in `possible_agents`.
 
@@ -121,17 +121,22 @@ def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Ca
     Fix: keep each name once; take agents out of the list that is there, or build it anew in reset,
     before names are added
     """
+    for fact in evidence.facts(AgentNames):
+        texts = [text for text, _ in {(text, kind) for text, kind in fact.value.names}]
+        if len(set(texts)) < len(texts):
+            return  # two agents, such as 1 and "1", whose texts are alike: GK902
     for roster in evidence.facts(TurnRosters):
         for turn, names in enumerate(roster.value.turns):
             is_ok = len(set(names)) == len(names)
             proof = _distinct_proof("agents")
             yield Case(replace(roster.where, turn=turn), is_ok, "each name once", names, proof)
-    for fact in evidence.facts(PossibleAgents):
-        for turn, named in enumerate(fact.value.turns):
+    for possible in evidence.facts(PossibleAgents):
+        for turn, named in enumerate(possible.value.turns):
             if named is not None:
                 is_ok = len(set(named)) == len(named)
                 proof = _distinct_proof("possible_agents")
-                yield Case(replace(fact.where, turn=turn), is_ok, "each name once", named, proof)
+                where = replace(possible.where, turn=turn)
+                yield Case(where, is_ok, "each name once", named, proof)
 
 
 def _distinct_proof(roster: str) -> str:

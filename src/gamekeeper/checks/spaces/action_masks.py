@@ -108,6 +108,13 @@ def is_joint(space: Any, mask: Any) -> bool:
     return mask.shape == tuple(space.nvec.ravel()) and fits(space, mask) is not None
 
 
+def is_shared(space: Any, mask: Any) -> bool:
+    """Tells whether a mask has a number for each value, and all choices of its space share it."""
+    if not isinstance(space, spaces.MultiDiscrete) or not isinstance(mask, np.ndarray):
+        return False
+    return {mask.shape} == {(size,) for size in space.nvec.ravel().tolist()}
+
+
 def stands_elsewhere(space: Any, turn: Turn, agent: str) -> bool:
     """Tells whether an agent is given a mask under a name that nobody reads: `mask`."""
     sizes = {int(getattr(space, "n", 0))}
@@ -186,7 +193,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
 
     A mask of another length, or of another agent's action space, can't be laid over what a policy
     may choose: some actions are never offered, or choosing crashes. One number for each joint
-    action of a MultiDiscrete space is a mask too.
+    action of a MultiDiscrete space is a mask too, and so is one for each value where
+    all choices share it.
 
     Bad:
         spaces.Discrete(5); mask = np.ones(4, np.int8)      # "stay" was forgotten
@@ -199,7 +207,7 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
     for each in masks(contract, evidence):
         where = each.trace.at(each.turn, each.agent, each.place)
         fault = fits(each.space, each.mask)
-        if fault is None or is_joint(each.space, each.mask):
+        if fault is None or is_joint(each.space, each.mask) or is_shared(each.space, each.mask):
             yield Case(where, True)
             continue
         expected, _, seen = fault.partition(", actual ")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.random import Generator
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.arms import kept_open, play_shares
+from gamekeeper.diagnosis.arms import damaged, kept_open, note, noted, play_shares
 from gamekeeper.diagnosis.attribution.agent_measures import wanted
 from gamekeeper.diagnosis.attribution.message_influence import listened, said
 from gamekeeper.diagnosis.attribution.recorded_actions import (
@@ -29,7 +29,6 @@ from gamekeeper.diagnosis.attribution.replacement_runs import (
     paper_from_json,
     paper_to_json,
 )
-from gamekeeper.diagnosis.progress_notes import damaged, note, noted
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.interrupts import noted_if_interrupted
 
@@ -297,7 +296,7 @@ class ContributionData:
     not_played: list[str] = field(default_factory=list)
 
     def take(self, unit: Mapping[str, Any]) -> None:
-        """Keeps what came of one unit of work, as `play_share` hands it over."""
+        """Keeps what came of one unit of work, as `played_unit` has it."""
         self.steps[unit["kind"], unit["number"]] = unit["steps"]
         if unit["kind"] == "closed":
             values = unit["value"]
@@ -366,12 +365,14 @@ def gather(
             left = [unit for unit in share if unit[:2] not in known]
             if left and workers == 0:
                 with ReplacementRunner(task) as runner:
-                    play_share(runner, *_sorted(left), take)
+                    for unit in left:
+                        take(played_unit(runner, *unit))
             elif left:
-                _apart(task, *_sorted(left), workers, silence_s, take)
+                _apart(task, left, workers, silence_s, take)
     return found.in_order()
 
 
+KINDS: Final = ("closed", "recorded", "fresh")
 WorkUnit: TypeAlias = tuple[str, int, Any]
 """Kind and number of an episode, and the recorded actions of one that is played again."""
 
@@ -387,13 +388,6 @@ def _in_turn(papers: Sequence[EpisodeActions], closed: int, fresh: int) -> list[
     ]
     placed = [((k + 0.5) / len(units), unit) for units in kinds for k, unit in enumerate(units)]
     return [unit for _, unit in sorted(placed, key=lambda each: each[0])]
-
-
-def _sorted(units: Sequence[WorkUnit]) -> tuple[list[EpisodeActions], list[int], list[int]]:
-    """Recorded episodes, numbers of those in which coalitions play, and of fresh ones."""
-    papers = [paper for _, _, paper in units if paper is not None]
-    closed, fresh = ([n for kind, n, _ in units if kind == each] for each in ("closed", "fresh"))
-    return papers, closed, fresh
 
 
 def _rounds(
@@ -446,24 +440,17 @@ def _kept(found: ContributionData, count: int, notes: Path | None) -> list[str]:
     return [f"{done}; they stay in {notes.parent}; the same command goes on from there"]
 
 
-def play_share(
-    runner: ReplacementRunner,
-    papers: Sequence[EpisodeActions],
-    closed: Sequence[int],
-    fresh: Sequence[int],
-    take: Callable[[Mapping[str, Any]], None],
-) -> None:
-    """Plays a part of what is wanted; what comes of it depends on nothing but the episode."""
-    for number in closed:
-        before = runner.steps
-        unit = {"kind": "closed", "number": number, "value": _coalitions(runner, number)}
-        take({**unit, "steps": runner.steps - before})
-    looked_into: list[EpisodeActions | int] = [*papers, *fresh]
-    for each in looked_into:
-        before = runner.steps
-        paper = runner.fresh(each) if isinstance(each, int) else each
-        unit = {"kind": paper.run, "number": paper.number, "value": _looked_into(runner, paper)}
-        take({**unit, "steps": runner.steps - before})
+def played_unit(
+    runner: ReplacementRunner, kind: str, number: int, paper: EpisodeActions | None
+) -> dict[str, Any]:
+    """Plays a unit of work; what comes of it depends on nothing but the episode."""
+    before = runner.steps
+    value: Any
+    if kind == "closed":
+        value = _coalitions(runner, number)
+    else:
+        value = _looked_into(runner, paper or runner.fresh(number))
+    return {"kind": kind, "number": number, "value": value, "steps": runner.steps - before}
 
 
 def _looked_into(runner: ReplacementRunner, paper: EpisodeActions) -> dict[str, list[Any]]:
@@ -491,23 +478,21 @@ def members(mask: int, players: Sequence[str]) -> list[str]:
 
 def _apart(
     task: ReplacementTask,
-    papers: Sequence[EpisodeActions],
-    closed: Sequence[int],
-    fresh: Sequence[int],
+    units: Sequence[WorkUnit],
     workers: int | Executor,
     silence_s: float | None,
     take: Callable[[Mapping[str, Any]], None],
 ) -> None:
     """Workers play an episode at a time, those first that take longest: all coalitions of one."""
-
-    def take_all(answers: Any) -> None:
-        for fields in answers:
-            take(fields)
-
+    plain = task.to_json()
+    shares = (
+        {"task": plain, "kind": kind, "number": n, "paper": paper and paper_to_json(paper)}
+        for kind, n, paper in sorted(units, key=lambda unit: KINDS.index(unit[0]))
+    )
     play_shares(
         TASK,
-        _shares(task, papers, closed, fresh),
-        take_all,
+        shares,
+        take,
         workers=workers,
         silence_s=silence_s,
         where="attribution",
@@ -515,36 +500,19 @@ def _apart(
     )
 
 
-def _shares(
-    task: ReplacementTask,
-    papers: Sequence[EpisodeActions],
-    closed: Sequence[int],
-    fresh: Sequence[int],
-) -> Iterator[dict[str, Any]]:
-    plain = task.to_json()
-    nothing: dict[str, Any] = {"task": plain, "papers": [], "closed": [], "fresh": []}
-    for number in closed:
-        yield {**nothing, "closed": [number]}
-    for paper in papers:
-        yield {**nothing, "papers": [paper_to_json(paper)]}
-    for number in fresh:
-        yield {**nothing, "fresh": [number]}
-
-
 def share_task(
     report: Callable[..., None],
     *,
     task: Mapping[str, Any],
-    papers: Sequence[Mapping[str, Any]],
-    closed: Sequence[int],
-    fresh: Sequence[int],
-) -> list[Mapping[str, Any]]:
-    """Plays a share in this process; returns what came of it, as `play_share` hands it over."""
+    kind: str,
+    number: int,
+    paper: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """Plays a unit of work in this process; returns what came of it."""
 
     def make() -> ReplacementRunner:
         return ReplacementRunner(ReplacementTask.from_json(task), on_step=report)
 
-    found: list[Mapping[str, Any]] = []
+    actions = None if paper is None else paper_from_json(paper)
     with kept_open(json.dumps(task, sort_keys=True), make) as runner:
-        play_share(runner, [paper_from_json(each) for each in papers], closed, fresh, found.append)
-    return found
+        return played_unit(runner, kind, number, actions)

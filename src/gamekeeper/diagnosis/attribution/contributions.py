@@ -16,6 +16,8 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.attribution.agent_measures import (
     ACROSS,
     MOST_EXACT,
+    AgentPart,
+    Attribution,
     Harm,
     Laziness,
     Measured,
@@ -31,7 +33,6 @@ from gamekeeper.diagnosis.attribution.agent_measures import (
     shapley_of_orders,
     wanted,
 )
-from gamekeeper.diagnosis.attribution.attribution_result import AgentPart, Attribution
 from gamekeeper.diagnosis.attribution.attribution_work import SILENCE_S, ContributionData, gather
 from gamekeeper.diagnosis.attribution.message_influence import talk
 from gamekeeper.diagnosis.attribution.recorded_actions import EpisodeActions
@@ -43,12 +44,12 @@ from gamekeeper.diagnosis.attribution.replacement_runs import (
 from gamekeeper.diagnosis.experiment import fresh_seed
 from gamekeeper.diagnosis.played_setup import (
     Setup,
+    check_last,
     consent_to,
     contract_of,
     other_policies,
     setup_of,
 )
-from gamekeeper.diagnosis.recorded_course import check_last
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.opposition import opponents_in

@@ -185,11 +185,11 @@ def listened(
         if agent_name(agent) in paper.actions
         and (parts := heard_parts(runner.contract, runner.env, agent))
     ]
-    if not listeners or runner.own is None:
+    if not listeners or runner.cast is None:
         return
     rng = np.random.default_rng([seed, paper.number, 3])
     base, strange = (
-        runner.reacting(Hearing(runner.env, runner.contract, cast=runner.own), number)
+        runner.reacting(Hearing(runner.env, runner.contract, cast=runner.cast), number)
         for number in (paper.number, paper.number + STRANGE)
     )
     for name, parts in listeners:
@@ -197,7 +197,7 @@ def listened(
             told, same = (
                 runner.reacting(
                     Hearing(
-                        runner.env, runner.contract, cast=runner.own, told=(turn, name, parts, x)
+                        runner.env, runner.contract, cast=runner.cast, told=(turn, name, parts, x)
                     ),
                     paper.number,
                     turns=turn + 1,

@@ -10,16 +10,15 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, EpisodeActions, Swap
-from gamekeeper.diagnosis.played_setup import Setup, played_identity
+from gamekeeper.diagnosis.plain_data import frozen, plain
+from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.errors import EnvError, PolicyError
 from gamekeeper.interface.capture import AgentId
-from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.recorded_env import capture_of
-from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan
 from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.reruns import play_of
@@ -112,26 +111,17 @@ class ReplacementTask:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for a worker process."""
-        return {name: getattr(self, name) for name in self.__slots__} | {
-            "setup": self.setup.to_json(),
-            "contract": self.contract.to_json(),
-            "players": list(self.players),
-            "others": list(self.others),
-            "baseline": dict(self.baseline),
-        }
+        return {name: plain(getattr(self, name)) for name in self.__slots__}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> ReplacementTask:
         """Inverse of `to_json`."""
-        built = {
-            "setup": Setup.from_json(data["setup"]),
-            "contract": Contract.from_json(data["contract"]),
-        }
-        return cls(**{**data, **built, **{n: tuple(data[n]) for n in ("players", "others")}})
+        setup, contract = Setup.from_json(data["setup"]), Contract.from_json(data["contract"])
+        return cls(**frozen({**data, "setup": setup, "contract": contract}))
 
 
-class ReplacementRunner:
-    """An environment and its two casts. Use as a context: it closes the environment."""
+class ReplacementRunner(OpenSetup):
+    """An open set-up with a second cast, the baseline; without policies it has none of its own."""
 
     def __init__(self, task: ReplacementTask, *, on_step: Callable[[], None] | None = None) -> None:
         """Opens the environment and finds the policies.
@@ -140,35 +130,21 @@ class ReplacementRunner:
             SpecError: the environment can't be opened.
             PolicyError: a policy can't be found.
         """
-        self.task, self.contract = task, task.contract
-        self._on_step, self.steps = on_step or _nothing, 0
-        self.opened = open_env(task.setup.spec, **task.setup.kwargs)
-        self.env: Any = self.opened.env
+        super().__init__(task.setup, task.contract)
+        self.task, self._on_step, self.steps = task, on_step, 0
         try:
-            self.own: Any = None
-            if task.is_closed:
-                self.own = cast_of(dict(task.setup.policies), self.env, self.contract)
-                self.baseline: Any = self._open_baseline()
+            self.baseline: Any = self._open_baseline() if task.is_closed else None
         except BaseException:
-            self.env.close()
+            self.close()
             raise
-
-    def __enter__(self) -> ReplacementRunner:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self.env.close()
 
     @property
     def identity(self) -> dict[str, Any]:
         """Identity of the attribution: source, arguments, policies, baselines, contract."""
-        task, described = self.task, "null"
-        if self.own is not None:
-            agents = list(getattr(self.env, "possible_agents", ()))
-            described = to_json(self.own.described(agents))
+        task = self.task
         contract = json.dumps(task.contract.to_json(), sort_keys=True)
         return {
-            **played_identity(self.opened, described, task.setup.options),
+            **super().identity,
             "seed": [task.seed, task.run_seed],
             "baseline": dict(task.baseline),
             "contract": blake2b(contract.encode(), digest_size=16).hexdigest(),
@@ -183,18 +159,18 @@ class ReplacementRunner:
     def closed(self, number: int, members: Collection[str]) -> ActionTrack:
         """A fresh episode in which `members` play their policies and the others the baseline."""
         task = self.task
-        cast: ActionChooser = self.own
+        cast: ActionChooser = self.cast
         if len(members) < len(task.players):
             cast = Sides(
-                self.own, self.baseline, members, task.players, task.others, self.role_of, self.env
+                cast, self.baseline, members, task.players, task.others, self.role_of, self.env
             )
         film = ActionTrack(self.env, self.contract, cast=cast, counts=True)
-        return self._filmed(film, self._play(number))
+        return self._filmed(film, self._fresh(number))
 
     def fresh(self, number: int) -> EpisodeActions:
         """Actions of all agents in a fresh episode."""
-        play = self._play(number)
-        film = self._filmed(ActionTrack(self.env, self.contract, cast=self.own), play)
+        play = self._fresh(number)
+        film = self._filmed(ActionTrack(self.env, self.contract, cast=self.cast), play)
         turns = len(film.rewards)
         return EpisodeActions(play.seed, play.options, turns, film.actions, number, "fresh")
 
@@ -233,7 +209,7 @@ class ReplacementRunner:
 
     def reacting(self, film: SomeFilm, number: int, *, turns: int | None = None) -> SomeFilm:
         """A fresh episode in which policies choose, for a film that knows what it looks for."""
-        play = self._play(number)
+        play = self._fresh(number)
         most = play.most_turns if turns is None else min(turns, play.most_turns)
         return self._filmed(film, replace(play, most_turns=most))
 
@@ -266,17 +242,11 @@ class ReplacementRunner:
 
     def _count(self) -> None:
         self.steps += 1
-        self._on_step()
+        if self._on_step is not None:
+            self._on_step()
 
-    def _play(self, number: int) -> EpisodePlan:
-        setup = self.task.setup
-        return EpisodePlan(
-            seed=episode_seed(self.task.run_seed, number),
-            stream=number,
-            most_turns=setup.most_turns,
-            options=setup.options[number % len(setup.options)],
-            looks_last=False,
-        )
+    def _fresh(self, number: int) -> EpisodePlan:
+        return replace(self.plan(self.task.run_seed, number), looks_last=False)
 
     def _open_baseline(self) -> Any:
         """The policies that take agents' places.
@@ -317,7 +287,3 @@ def paper_from_json(data: Mapping[str, Any]) -> EpisodeActions:
     given: Any = from_json(data["given"])
     seed, options, turns, actions = given
     return EpisodeActions(seed, options, turns, actions, data["number"], data["run"])
-
-
-def _nothing() -> None:
-    """Ignores the episode."""

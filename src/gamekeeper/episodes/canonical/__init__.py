@@ -24,8 +24,6 @@ one NaN, -0.0 is kept, arrays are little-endian. For builtins and numpy `from_js
 equals x; for every text t that `to_json` wrote `to_json(from_json(t)) == t`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 
 from gamekeeper.episodes.canonical.json_values import from_json, to_json

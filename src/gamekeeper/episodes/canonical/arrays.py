@@ -4,8 +4,6 @@ Numbers are a flat list in C order up to 64 elements, base64 of little-endian C 
 bytes, objects and long doubles (whose bytes have holes) are lists always.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from base64 import b64decode, b64encode

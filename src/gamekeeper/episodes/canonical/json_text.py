@@ -1,7 +1,5 @@
 """JSON text of plain values, such that UTF-8 can carry it."""
 
-from __future__ import annotations
-
 import json.encoder
 import math
 import re

@@ -3,8 +3,6 @@
 Reading runs no code and imports no name from a text.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

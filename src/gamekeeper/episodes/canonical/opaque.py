@@ -1,7 +1,5 @@
 """Description of a value that only its own code can build: its type, its repr, its content."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections import deque

@@ -1,7 +1,5 @@
 """Misfits of a value and its space: structure, dtype, shape, bounds, or NaN in it."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

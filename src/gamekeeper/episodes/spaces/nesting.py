@@ -1,7 +1,5 @@
 """Bounds of a space's nesting: what is within them can be taken apart, written and read again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, Final
 

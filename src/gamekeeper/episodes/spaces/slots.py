@@ -5,8 +5,6 @@ must be exact, bounds aren't looked at. A space class that we don't know is aske
 `contains`.
 """
 
-from __future__ import annotations
-
 import math
 from collections import OrderedDict
 from collections.abc import Callable

@@ -335,7 +335,7 @@ class NormalizedRewards(NormalizedViews):
         statistics = self._statistics
         if self._learning:
             self._returns[agent] = self._returns.get(agent, 0.0) + float(reward)
-            if agent in self._acted:
+            if agent in self._acted:  # once for each decision, however often it is paid until then
                 self._acted.discard(agent)
                 statistics.add_return(agent, self._returns[agent])
         variance = statistics.of(agent).paid[0]

@@ -155,6 +155,8 @@ class AECTimeLimit(InsideSpaces, BaseWrapper[Any, Any, Any]):
         for agent in self.agents:
             if not self.terminations[agent]:
                 self.truncations[agent] = True
+        # Last turns of agents that a rule has ended come first, as in PettingZoo; then those of the
+        # living, from the one in turn on.
         waiting = [a for a in self.agents if env.terminations[a] or env.truncations[a]]
         live = [a for a in self.agents if a not in waiting]
         turn = env.agent_selection

@@ -190,7 +190,7 @@ class AECTransformed(TransformedSpaces, BaseWrapper[Any, Any, Any]):
         if ends:
             self._sums = {agent: before.get(agent, 0) for agent in paid}
             return
-        before[actor] = 0
+        before[actor] = 0  # before the turn's own pay is added, as AECEnv does it
         self._sums = {agent: before.get(agent, 0) + amount for agent, amount in paid.items()}
 
 

@@ -266,7 +266,6 @@ def _terms_chart(figures: Figures, key: str) -> Chart | None:
             {"name": term, "values": [finite(value) for value in values[:MOST_LINES]]}
             for term, values in means.items()
         ],
-        "stacked": False,
     }
 
 

@@ -10,6 +10,7 @@ from numpy.random import Generator
 
 from gamekeeper.episodes.divergence import Divergence, compare, shown_pair
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.reporting.page.agent_section import agents_blocks
 from gamekeeper.reporting.page.answers import state_texts
 from gamekeeper.reporting.page.audit_sections import form_section, verdicts_section
@@ -21,10 +22,13 @@ from gamekeeper.reporting.page.packed_episode import PackedAgent, packed_agents
 from gamekeeper.reporting.page.page_data import PageBlock, PageSection, RunCard
 from gamekeeper.reporting.page.page_html import provenance_section
 from gamekeeper.reporting.page.pivots_section import pivots_section
+from gamekeeper.reporting.results_text import few
 
 Document = Mapping[str, Any]
 
 PLAYER: Final = "player"
+MOST_POLICIES: Final = 3
+"""Most policies beside the usual one that the first sentence names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +45,7 @@ class ShownRun:
         condition: condition of a failed episode, in words.
         roster: its agents.
         labels: failure labels as plain data.
+        asked: condition of the team that documents were asked for, in place of the contract's.
     """
 
     key: str
@@ -52,6 +57,7 @@ class ShownRun:
     condition: str
     roster: tuple[PackedAgent, ...]
     labels: Sequence[Mapping[str, Any]] = ()
+    asked: str | None = None
 
     @property
     def card(self) -> RunCard:
@@ -81,10 +87,12 @@ def shown(
 ) -> ShownRun:
     """Computes the figures of a run that all sections share; `condition` as `failing` takes it."""
     figures = figures_of(evidence)
+    declared = evidence.contract.failure
+    if declared and TEAM in declared and declared[TEAM].text == condition:
+        condition = None
     failed, text = failing(evidence, figures, condition)
-    return ShownRun(
-        key, path, name, evidence, figures, failed, text, packed_agents(evidence), labels
-    )
+    agents = packed_agents(evidence)
+    return ShownRun(key, path, name, evidence, figures, failed, text, agents, labels, condition)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,11 +213,21 @@ def lead_of(runs: Sequence[ShownRun]) -> str:
     card = main.card
     text = (
         f"{card.episodes} episode{'' if card.episodes == 1 else 's'} of {card.environment} "
-        f"({card.api}), {len(main.figures.agents)} agents."
+        f"({card.api}), {len(main.figures.agents)} agents{_played_by(main)}."
     )
     if len(runs) > 1:
         text += f" Compared with {', '.join(run.name for run in runs[1:])}."
     return text
+
+
+def _played_by(run: ShownRun) -> str:
+    """The policies of the first episode; the one of most agents comes first."""
+    agents: dict[str, list[str]] = {}
+    for agent, policy in names_of(run.figures.headers[0]).items() if run.figures.headers else ():
+        agents.setdefault(policy, []).append(agent)
+    ranked = sorted(agents, key=lambda policy: -len(agents[policy]))
+    others = [f"; {few(agents[each], most=2)} by {each}" for each in ranked[1 : 1 + MOST_POLICIES]]
+    return f", played by {ranked[0]}{''.join(others)}" if ranked else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,11 @@ import pyarrow.compute as pc
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.contract.failure import MEASURED
+from gamekeeper.contract.failure import MEASURED, Failure
 from gamekeeper.episodes.arrow import TERM
 from gamekeeper.episodes.canonical import from_json
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.episodes.outcome import Outcome, failed, failures, outcome_of, plain_numbers
+from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome_of, plain_numbers
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.errors import ContractError, EvidenceError
 from gamekeeper.reporting.page.packed_values import fields_of_text
@@ -190,16 +190,15 @@ def failing(
     Args:
         evidence: of the run.
         figures: of its episodes.
-        condition: of the team, where the contract declares none.
+        condition: of the team, in place of what the contract declares.
     """
     contract = evidence.contract
-    condition = None if contract.failure else condition
     errors = [True if header.get("error") else None for header in figures.headers]
     try:
         conditions = failures(contract, condition)
     except ContractError:
         return errors, "the contract declares no [failure]; episodes with an error failed"
-    text = "; ".join(f"{scope}: {condition.text}" for scope, condition in conditions.items())
+    text = "; ".join(scope_text(*each) for each in conditions.items())
     names = {name.rpartition(".")[2] for each in conditions.values() for name in each.names}
     terms = {*figures.terms, *contract.rewards} if figures.terms else set()
     needs_infos = not names <= {*MEASURED, *terms}
@@ -217,6 +216,11 @@ def failing(
             why = f"{error.what}; measured are {error.expected}" if error.expected else error.what
             text = f"{text} ({why})" if why not in text else text
     return found, text
+
+
+def scope_text(scope: str, condition: Failure) -> str:
+    """A condition of failure, after its scope where that isn't the team."""
+    return condition.text if scope == TEAM else f"{scope}: {condition.text}"
 
 
 def failed_text(failed: Sequence[bool | None]) -> str:

@@ -14,7 +14,13 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.known_extent import env_steps
 from gamekeeper.episodes.outcome import failed, failures, outcome_of
 from gamekeeper.errors import ContractError, EvidenceError
-from gamekeeper.reporting.page.episode_figures import UNFINISHED, Figures, failing, figures_of
+from gamekeeper.reporting.page.episode_figures import (
+    UNFINISHED,
+    Figures,
+    failing,
+    figures_of,
+    scope_text,
+)
 from gamekeeper.reporting.page.packed_episode import (
     Mark,
     PackedAgent,
@@ -145,6 +151,7 @@ def packed_of(
     roster: Sequence[PackedAgent] = (),
     frames: Drawing | None = None,
     has_failed: bool | None = None,
+    condition: str | None = None,
     pivots: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """One episode as the player reads it, with its drawing and all its marks.
@@ -158,6 +165,7 @@ def packed_of(
         roster: of the run, where it is known already.
         frames: frames that were recorded.
         has_failed: True if it failed, where that is known already.
+        condition: of the team, in place of what the contract declares.
         pivots: the document of `gamekeeper pivots`.
     Raises:
         EvidenceError: there is no such episode.
@@ -174,7 +182,8 @@ def packed_of(
     lost = pivots_of(pivots, episode)
     branch = branch_of(evidence)
     marks = [*marks, *(() if lost is None else pivot_marks(lost)), *branch]
-    every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, has_failed)]
+    failure = _failure_marks(evidence, trace, has_failed, condition)
+    every = [*marks, *_label_marks(trace, labels), *failure]
     packed = packed_episode(
         trace,
         roster,
@@ -209,12 +218,14 @@ def _label_marks(trace: Episode, labels: Iterable[Label]) -> Iterable[Mark]:
             yield Mark(int(each["turn"] or 0), "label", f"{each['label']}{why}", each["agent"])
 
 
-def _failure_marks(evidence: Evidence, trace: Episode, has_failed: bool | None) -> Iterable[Mark]:
+def _failure_marks(
+    evidence: Evidence, trace: Episode, has_failed: bool | None, condition: str | None
+) -> Iterable[Mark]:
     """Failure conditions that the episode met, at its end; an error has a mark of its own."""
     if trace.header.get("error") or has_failed is False or trace.header.get("end") in UNFINISHED:
         return
     try:
-        conditions = failures(evidence.contract)
+        conditions = failures(evidence.contract, condition)
         if has_failed and len(conditions) == 1:  # the only one: the outcome needn't be read
             answers = dict.fromkeys(conditions, True)
         else:
@@ -223,8 +234,7 @@ def _failure_marks(evidence: Evidence, trace: Episode, has_failed: bool | None) 
         return
     for scope, is_failed in answers.items():
         if is_failed:
-            condition = conditions.get(scope)
-            text = f"failed for {scope}" + ("" if condition is None else f": {condition.text}")
+            text = scope_text(scope, conditions[scope]) if scope in conditions else scope
             yield Mark(env_steps(trace), "failure", text)
 
 

@@ -5,8 +5,6 @@ Ray places tasks and tells of nodes that were lost; retries are counted here and
 `Outcome` comes back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """A Ray cluster as its driver sees it, and the nodes that play tasks in it."""
 
-from __future__ import annotations
-
 import os
 import platform
 import secrets

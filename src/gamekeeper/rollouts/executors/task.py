@@ -1,7 +1,5 @@
 """Tasks by key, how they ended, and what an executor is."""
 
-from __future__ import annotations
-
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """Perturbations of actions: something else is carried out than an agent chose."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final

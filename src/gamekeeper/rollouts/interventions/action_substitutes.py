@@ -1,7 +1,5 @@
 """Actions that take the place of what policies choose: recorded, replaced, held, in unison."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Perturbations of time: observations and actions come late, or an agent acts more rarely."""
 
-from __future__ import annotations
-
 import copy
 from collections import deque
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Calls and writes around the turns that leave a sound environment as it is."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass

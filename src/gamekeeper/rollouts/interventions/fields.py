@@ -1,7 +1,5 @@
 """Fields: the numbers of an observation or an action, one by one, by their places in it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Other futures for generators: of the environment, and of the whole process."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

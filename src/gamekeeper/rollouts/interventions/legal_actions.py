@@ -1,7 +1,5 @@
 """Legal actions of an agent now, and perturbations that carry out others than it chose."""
 
-from __future__ import annotations
-
 import copy
 from abc import abstractmethod
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Perturbations of messages: they arrive as others, or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

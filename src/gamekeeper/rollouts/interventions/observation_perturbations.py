@@ -1,7 +1,5 @@
 """Perturbations of observations: a policy is shown something else than the agent was given."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass

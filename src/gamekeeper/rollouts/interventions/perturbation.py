@@ -1,7 +1,5 @@
 """Perturbation: an intervention that makes one thing worse, for named agents, by a strength."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, Literal, Self

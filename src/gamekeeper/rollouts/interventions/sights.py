@@ -1,7 +1,5 @@
 """Sights of agents, and perturbations that show a policy something else than was given."""
 
-from __future__ import annotations
-
 import copy
 from abc import abstractmethod
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Orders of a joint action: the same actions, handed over in another order of their dictionary."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Parts of an observation or action, and their numbers, read and written in their own types."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Iterable, Iterator

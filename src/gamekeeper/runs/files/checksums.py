@@ -1,7 +1,5 @@
 """Checksums of a run: of its files, of its annotations, and the root digest over every byte."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from dataclasses import dataclass
@@ -83,14 +81,15 @@ def commit(
     rest = {key: value for key, value in manifest.items() if key != "checksums"}
     checksums = Checksums(manifest_digest(rest), finalized)
     data = render({**rest, "checksums": checksums.to_json()})
-    if durable:
+    if durable:  # bytes, before a name says that they are there
         sync_files([*(draft for draft, _, _ in files.values()), *frames.values()])
     for stream, (draft, _, _) in files.items():
         draft.replace(folder / f"{stream}.parquet")
-    if durable:
+    if durable:  # names, before the manifest that finalizes them
         for inner in (*sorted({path.parent for path in frames.values()}), folder):
             sync_folder(inner)
     replace(folder / MANIFEST, data, durable=durable)
+    # Last of all: up to here the segments hold the run, whatever became of the rest.
     for path in list(folder.iterdir()):
         if path.name == JOURNAL or SEGMENT.fullmatch(path.name.removesuffix(".tmp")):
             path.unlink(missing_ok=True)

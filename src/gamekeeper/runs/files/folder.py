@@ -1,7 +1,5 @@
 """The folder of a run: names that stay inside, plain files, whole replacements, one recorder."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os

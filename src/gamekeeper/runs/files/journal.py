@@ -10,8 +10,6 @@ Turns that are in the segments as well, as the process was killed before it empt
 told by their numbers.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 import zlib
@@ -309,6 +307,8 @@ def _joined(parts: Sequence[list[Any]], layout: Layout) -> BufferedTurns:
     agents, actions, rewards = (
         list(chain.from_iterable(each)) for each in zip(*usual, strict=True)
     )
+    # Checksums that fit don't make a frame honest: numbers are compared before rows are taken by
+    # them, and sizes before columns are made.
     counts = [int(count) for count in turns[2::TURN]]
     rows, others = len(given) // GIVEN, len(agents)
     if (

@@ -1,7 +1,5 @@
 """manifest.json: read with suspicion, written in one exact spelling; advice where it is missing."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import json

@@ -6,8 +6,6 @@ the end leave no trace in the chain. Annotations are no part of the root digest,
 was when the run was finalized.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Streams of a run that is still open, their whole turns, and its finalizing once it was killed."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass

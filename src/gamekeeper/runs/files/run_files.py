@@ -1,7 +1,5 @@
 """Tables of a finalized run: compared with their checksums, read an episode at a time."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Final

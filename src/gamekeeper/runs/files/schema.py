@@ -1,7 +1,5 @@
 """Columns that a run's streams may hold; two schemas of one stream become one."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

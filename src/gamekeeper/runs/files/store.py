@@ -1,7 +1,5 @@
 """The only writer of a run's files."""
 
-from __future__ import annotations
-
 import os
 import queue
 import threading

@@ -1,7 +1,5 @@
 """A recording by many workers, wherever they are: parts, then one run."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace

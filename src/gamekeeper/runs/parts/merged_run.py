@@ -1,7 +1,5 @@
 """The run that parts are merged into, while it is written."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Mapping
@@ -71,6 +69,7 @@ class PartColumns:
         """By a part's name of each of its columns the name in the whole."""
         found: dict[str, str] = {}
         strange: list[pa.Field] = []
+        # Columns that are known by their name come first, so that none of the others takes it.
         for field in schema:
             known = self._fields.get(field.name)
             if known is not None and _leaf(known) == _leaf(field):
@@ -225,8 +224,7 @@ class MergedRun:
                 self._manifest["agents"].append(agent)
         if self._manifest["state_space"] is None:
             self._manifest["state_space"] = manifest["state_space"]
-        if "error" in manifest:
-            self._manifest["error"] = manifest["error"]
+        self._manifest |= {key: manifest[key] for key in ("error", "stopped") if key in manifest}
 
 
 def _checked(part: Path, receipt: Receipt) -> dict[str, Any]:

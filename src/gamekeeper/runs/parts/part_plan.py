@@ -1,7 +1,5 @@
 """The plan of a recording, its parts, and the note that they are merged."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Tasks of workers: play a part of a recording, merge the parts into one run."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile
@@ -147,11 +145,9 @@ def _receipt(
     first: int,
     error: Mapping[str, str] | None,
 ) -> Receipt:
-    episodes, turns = (
-        evidence.episode_table.num_rows,
-        pc.sum(evidence.episode_table["turns"]).as_py() or 0,
-    )
-    return Receipt(key, name, first, episodes, turns, error, schemas_of(run_files))
+    table = evidence.episode_table
+    turns = pc.sum(table["turns"]).as_py() or 0
+    return Receipt(key, name, first, table.num_rows, turns, error, schemas_of(run_files))
 
 
 @contextmanager

@@ -9,8 +9,6 @@ that is no JSON is torn, and counts as none; the part that a receipt names is co
 checksums when it is merged.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Iterable, Iterator, Mapping

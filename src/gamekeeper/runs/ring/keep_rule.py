@@ -1,7 +1,5 @@
 """Rule by which a flight recorder retains episodes: `last 1000`, `failed`, `64 MB`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Check that single episodes of a run come out again without the others, while it is recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Ledger of a flight recorder: figures of episodes, those that stay, sums of those that don't."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

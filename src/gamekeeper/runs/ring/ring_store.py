@@ -7,8 +7,6 @@ the manifest, which says where each stream begins. Only then the old ones are re
 can be read and recovered whenever its process is killed, and no row waits meanwhile.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -135,6 +133,8 @@ class RingStore(RunStore):
 
     def _rewrite(self, old: dict[str, list[int]], dropped: Any, entry: dict[str, Any]) -> None:
         """Writes what stays of the segments `old`, numbers by stream, and removes them."""
+        # Written, then named by the manifest, then the old ones removed: whoever reads or recovers
+        # in between finds every row once.
         anew = {stream: self._anew(stream, numbers, dropped) for stream, numbers in old.items()}
         with self._describing:
             self._firsts |= {stream: numbers[-1] + 1 for stream, numbers in old.items()}
@@ -150,7 +150,7 @@ class RingStore(RunStore):
                 self._sizes[stream] = {first: size, **newer}
         size = sum(anew.values())
         self.ring.resize(size)
-        self._trigger = 4 / 3 * size
+        self._trigger = 4 / 3 * size  # what stays may be near the limit: not again at once
 
     def _anew(self, stream: str, numbers: list[int], dropped: Any) -> int:
         """Writes the rows that stay of a stream's old segments; bytes of the new one.
@@ -203,6 +203,7 @@ class RingStore(RunStore):
 
     def _current(self, stream: str) -> list[int]:
         """Numbers of a stream's segments, in their order."""
+        # Even numbers are segments as they were recorded, the odd one in front was written anew.
         first = self._firsts.get(stream, 0)
         behind = range(first + first % 2, self._counts[stream], self.STEP)
         return [*([first] if first % 2 else []), *behind]

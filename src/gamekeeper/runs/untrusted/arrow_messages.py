@@ -5,8 +5,6 @@ Only what bounds memory is read here; Arrow itself decodes.
 Source: Arrow columnar format 1.5, "Encapsulated message format" and Message.fbs, Schema.fbs.
 """
 
-from __future__ import annotations
-
 import struct
 from typing import Final
 

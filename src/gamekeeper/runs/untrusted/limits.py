@@ -1,7 +1,5 @@
 """Limits on files that anybody may have written: memory they ask for, fields of a manifest."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain

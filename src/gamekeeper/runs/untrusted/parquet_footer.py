@@ -6,8 +6,6 @@ instead of raising. Only sizes are read here; Arrow itself decodes.
 Source: Apache Thrift compact protocol; parquet-format 2.11, parquet.thrift.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Final

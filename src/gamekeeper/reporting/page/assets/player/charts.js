@@ -139,7 +139,7 @@ const drawLine = (host, chart) => {
 const THICK = 14; // pixels of a bar
 const WIDEST = 720;
 
-// Lying bars, a group a name; bounds as a thin line over the bar. Drawn anew where the page gets wider or narrower.
+// Lying bars, a group a name. Drawn anew where the page gets wider or narrower.
 const drawBars = (host, chart) => {
   const field = gk.node("div", { role: "img", "aria-label": host.getAttribute("aria-label") ?? gk.visible(chart.title) });
   host.removeAttribute("role");
@@ -155,63 +155,45 @@ const drawBars = (host, chart) => {
   new ResizeObserver(fit).observe(host);
 };
 
-const groupHeight = (chart) => (chart.stacked ? 1 : chart.series.length) * THICK + 10;
-const barsHeight = (chart) => (chart.x.names ?? chart.x.values).length * groupHeight(chart) + (chart.series.length > 1 ? 42 : 8);
+const groupHeight = (chart) => chart.series.length * THICK + 10;
+const barsHeight = (chart) => chart.x.names.length * groupHeight(chart) + (chart.series.length > 1 ? 42 : 8);
 
 const barPicture = (chart, wide) => {
   const left = Math.min(150, wide * 0.32);
-  const names = chart.x.names ?? chart.x.values;
-  const all = chart.series.flatMap((line) => [...line.values, ...(line.low ?? []), ...(line.high ?? [])]).filter((value) => value !== null);
-  const sums = chart.stacked ? stackEnds(chart, names) : [];
-  const low = Math.min(0, ...all, ...sums);
-  const high = Math.max(0, ...all, ...sums);
+  const { names } = chart.x;
+  const all = chart.series.flatMap((line) => line.values).filter((value) => value !== null);
+  const low = Math.min(0, ...all);
+  const high = Math.max(0, ...all);
   const x = (value) => left + ((value - low) / (high - low || 1)) * (wide - left - 56);
-  const lines = chart.stacked ? 1 : chart.series.length;
   const group = groupHeight(chart);
   const picture = gk.svg("svg", { viewBox: `0 0 ${wide} ${names.length * group + 8}`, width: wide, class: "bars", focusable: "false", "aria-hidden": "true" });
   names.forEach((name, i) => {
     const top = i * group + 6;
     const text = gk.visible(name);
-    picture.append(gk.svg("text", { x: left - 8, y: top + (lines * THICK) / 2 + 4, "text-anchor": "end" }, text.length > left / 7 ? `${text.slice(0, Math.floor(left / 7) - 1)}…` : text));
-    barsOf(chart, i).forEach((bar) => drawBar(picture, bar, x, top + (chart.stacked ? 0 : bar.line * THICK)));
+    picture.append(gk.svg("text", { x: left - 8, y: top + (chart.series.length * THICK) / 2 + 4, "text-anchor": "end" }, text.length > left / 7 ? `${text.slice(0, Math.floor(left / 7) - 1)}…` : text));
+    chart.series.forEach((line, at) => line.values[i] !== null && drawBar(picture, line, line.values[i], x, top + at * THICK));
   });
   picture.append(gk.svg("line", { x1: x(0), x2: x(0), y1: 0, y2: names.length * group + 6, class: "zero" }));
   return picture;
 };
 
-const stackEnds = (chart, names) =>
-  names.flatMap((_, i) => {
-    const values = chart.series.map((line) => line.values[i] ?? 0);
-    const sum = (keep) => values.filter(keep).reduce((total, value) => total + value, 0);
-    return [sum((value) => value > 0), sum((value) => value < 0)];
-  });
-
-// The bars of one name: from, to, and the bounds where there are any.
-const barsOf = (chart, i) => {
-  const ends = { up: 0, down: 0 };
-  return chart.series.flatMap((line, at) => {
-    const value = line.values[i];
-    if (value === null || value === undefined) return [];
-    const side = value < 0 ? "down" : "up";
-    const from = chart.stacked ? ends[side] : 0;
-    ends[side] += value;
-    const bounds = line.low && line.high && line.low[i] !== null ? [line.low[i], line.high[i]] : null;
-    return [{ line: at, from, to: from + value, value, bounds: chart.stacked ? null : bounds, alone: !chart.stacked }];
-  });
+// A rectangle in the colour of a series: a reward term.
+const barOf = (series, shape) => {
+  const made = gk.svg("rect", shape);
+  gk.signTerm(made, gk.visible(series.name));
+  return made;
 };
 
-const drawBar = (picture, { line, from, to, value, bounds, alone }, x, y) => {
-  const left = Math.min(x(from), x(to));
-  picture.append(gk.svg("rect", { x: left, y, width: Math.max(1, Math.abs(x(to) - x(from))), height: THICK - 3, class: `bar bar-${(line % 8) + 1}` }));
-  if (bounds) picture.append(gk.svg("line", { x1: x(bounds[0]), x2: x(bounds[1]), y1: y + THICK / 2 - 1.5, y2: y + THICK / 2 - 1.5, class: "ci" }));
-  const end = Math.max(x(to), x(from), bounds ? x(bounds[1]) : 0);
-  if (alone) picture.append(gk.svg("text", { x: end + 4, y: y + THICK - 4, class: "bar-value" }, gk.number(Number(value.toPrecision(3)))));
+const drawBar = (picture, series, value, x, y) => {
+  const [left, end] = [x(Math.min(0, value)), x(Math.max(0, value))];
+  picture.append(barOf(series, { x: left, y, width: Math.max(1, end - left), height: THICK - 3 }));
+  picture.append(gk.svg("text", { x: end + 4, y: y + THICK - 4 }, gk.number(Number(value.toPrecision(3)))));
 };
 
 const barLegend = (chart) => {
-  const items = chart.series.map((line, i) => {
+  const items = chart.series.map((line) => {
     const sign = gk.svg("svg", { width: 14, height: 10, "aria-hidden": "true" });
-    sign.append(gk.svg("rect", { width: 14, height: 10, class: `bar bar-${(i % 8) + 1}` }));
+    sign.append(barOf(line, { width: 14, height: 10 }));
     return gk.node("span", { class: "key" }, sign, gk.name(line.name));
   });
   return gk.node("div", { class: "chart-legend" }, ...(chart.series.length > 1 ? items : []));

@@ -72,7 +72,7 @@ gk.Player = class {
     this.bar = gk.node(
       "div",
       { class: "controls", role: "group", "aria-label": "Playback" },
-      gk.node("div", { class: "control-buttons" }, ...buttons, this.where, this.picking, this.following, speed, this.ranging),
+      gk.node("div", { class: "control-buttons" }, ...buttons, this.where, speed, this.picking, this.following),
       gk.node("div", { class: "control-slider" }, this.slider, this.ticks),
     );
     // What is jumped to stands above the bar, however high it is.
@@ -213,6 +213,7 @@ gk.Player = class {
       other.haunt(one);
     }
     one.lanes.drawn = () => this.#align();
+    one.lanes.zooms.append(this.ranging);
     this.#choosePair();
     this.part = episodes.length < 2 ? null : this.known ? this.known.divergence : gk.firstDifference(...episodes);
     if (episodes.length > 1) this.decks.forEach((deck) => deck.mark(this.partMarks()));

@@ -157,13 +157,22 @@ gk.TurnTable = class {
     });
   }
 
-  #say(cell, { field, isTerm }, agent, row, turn) {
+  // Numbers; a zero is pale, for the eye looks for the others.
+  #number({ field, isTerm }, agent, row, turn) {
     const e = this.episode;
-    if (field === "total") return gk.say(cell, turn > e.last ? "" : gk.number(e.paidUntil(agent, turn)));
+    if (field === "total") return turn > e.last ? null : e.paidUntil(agent, turn);
+    return row < 0 ? null : isTerm ? e.terms[field][row] : field === "paid" ? e.reward[row] : e.cumulative_reward[row];
+  }
+
+  #say(cell, column, agent, row, turn) {
+    const e = this.episode;
+    const { field, number } = column;
+    if (number) {
+      const value = this.#number(column, agent, row, turn);
+      cell.classList.toggle("zero", value === 0);
+      return gk.say(cell, gk.number(value));
+    }
     if (row < 0) return gk.say(cell, "");
-    if (isTerm) return gk.say(cell, gk.number(e.terms[field][row]));
-    if (field === "paid") return gk.say(cell, gk.number(e.reward[row]));
-    if (field === "cumulative_reward") return gk.say(cell, gk.number(e.cumulative_reward[row]));
     if (field === "ended") return gk.say(cell, this.#ended(row));
     if (field === "mask") return gk.sayValue(cell, e.mask[row] < 0 ? null : maskText(e.value(e.mask[row])));
     if (field === "action" && e.action[row] >= 0) return gk.sayValue(cell, gk.actionText(e, row));
@@ -190,7 +199,14 @@ gk.TurnTable = class {
   }
 };
 
-const headCell = ({ title, note, number }) => gk.node("th", { scope: "col", class: number ? "num" : null, title: note ?? null, text: title });
+const headCell = ({ title, note, number, isTerm }) => {
+  const made = gk.node("th", { scope: "col", class: number ? "num" : null, title: note ?? null, text: title });
+  if (isTerm) {
+    made.prepend(gk.node("i", { class: "term", "aria-hidden": "true" }));
+    gk.signTerm(made.firstChild, title);
+  }
+  return made;
+};
 
 const rowAmong = (episode, from, past, agent) => {
   for (let row = from; row < past; row++) if (episode.agent[row] === agent) return row;

@@ -22,7 +22,7 @@ const placesOf = () => {
   if (places?.runs !== gk.page.runs) {
     const agents = gk.page.runs.flatMap((run) => run.agents ?? []);
     const numbered = (names) => new Map([...new Set(names)].map((name, i) => [name, i]));
-    places = { runs: gk.page.runs, agent: numbered(agents.map(([name]) => name)), role: numbered(agents.map(([, role]) => role)) };
+    places = { runs: gk.page.runs, agent: numbered(agents.map(([name]) => name)), role: numbered(agents.map(([, role]) => role)), term: new Map() };
   }
   return places;
 };
@@ -40,6 +40,9 @@ gk.colourAt = (place) => {
   const { series } = gk.colours();
   return series[place % series.length];
 };
+
+// A reward term's colour, of other colours than the agents', in the table's head and in charts.
+gk.signTerm = (element, name) => element.classList.add(`term-${1 + (gk.placeOf("term", name) % 6)}`);
 
 const CLIPS = ["circle(50%)", "none", "polygon(50% 0, 100% 100%, 0 100%)", "polygon(50% 0, 100% 50%, 50% 100%, 0 50%)"];
 
