@@ -16,6 +16,7 @@ from gamekeeper.diagnosis.judgement import (
     is_any_exchange,
     is_any_scale,
 )
+from gamekeeper.diagnosis.perturbations import PerturbationArm
 from gamekeeper.diagnosis.played_setup import SetupTraits
 from gamekeeper.diagnosis.trials import (
     CARRIED,
@@ -24,7 +25,6 @@ from gamekeeper.diagnosis.trials import (
     MEMORY,
     POLICY,
     IdealSubstitute,
-    PerturbationArm,
     joined_names,
 )
 from gamekeeper.episodes.outcome import LABELS

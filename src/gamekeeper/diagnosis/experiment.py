@@ -21,6 +21,7 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
 from gamekeeper.diagnosis.judgement import ScopeFinding, cut_early, is_failing, judged, recovered
 from gamekeeper.diagnosis.least_set import least_set
+from gamekeeper.diagnosis.perturbations import PerturbationArm
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.raised_policies import MOST, RaisedPolicy, raised_in
 from gamekeeper.diagnosis.trials import (
@@ -28,7 +29,6 @@ from gamekeeper.diagnosis.trials import (
     CUT_OFF,
     MEMORY,
     IdealSubstitute,
-    PerturbationArm,
     briefly,
     joined,
     over_undos,

@@ -29,6 +29,7 @@ from gamekeeper.diagnosis.judgement import (
     ScopeFinding,
     contradictions,
 )
+from gamekeeper.diagnosis.perturbations import PerturbationArm, perturbations_of
 from gamekeeper.diagnosis.played_setup import (
     OpenSetup,
     SetupTraits,
@@ -40,12 +41,7 @@ from gamekeeper.diagnosis.played_setup import (
     setup_of,
     traits_of,
 )
-from gamekeeper.diagnosis.trials import (
-    PerturbationArm,
-    perturbations_of,
-    renewals_of,
-    substitutes_of,
-)
+from gamekeeper.diagnosis.trials import renewals_of, substitutes_of
 from gamekeeper.diagnosis.undo_search import try_undos
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name

@@ -375,7 +375,7 @@ class OpenSetup:
         return found
 
     def plan(self, run_seed: int, episode: int) -> EpisodePlan:
-        """What episode number `episode` of a run is played by; objects that it renews are new."""
+        """Plan of an episode of a run; objects that the set-up renews are new."""
         if self._renew is not None:
             self._renew()
         options = self.setup.options

@@ -253,18 +253,13 @@ def _first_divergence(told: list[Told], other: list[Told]) -> tuple[int, str] | 
         for (name, agent, value), (name_2, agent_2, value_2) in zip(one, two, strict=False):
             if name != name_2:
                 return turn, str(value_2) if name_2 == "raises" else f"{name} is missing"
-            if agent != agent_2 or not is_same_copy(value, value_2):
+            if agent != agent_2 or not is_same(_bare(value), _bare(value_2)):
                 return turn, f"{name} differs" if agent == agent_2 else "agent_selection differs"
         if len(one) != len(two):
             return turn, "there is more or less of it"
     if len(told) != len(other):
         return min(len(told), len(other)), "the episode has another length"
     return None
-
-
-def is_same_copy(one: Any, other: Any) -> bool:
-    """Tells whether two snapshots are the same; objects that can't be copied aren't compared."""
-    return is_same(_bare(one), _bare(other))
 
 
 def _bare(value: Any) -> Any:

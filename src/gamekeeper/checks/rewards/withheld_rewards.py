@@ -180,7 +180,7 @@ def _shows_at_once(trials: list[ProbeCounterfactual], late: int) -> bool:
 
 def _proof(api: str, trial: ProbeCounterfactual, late: int) -> Reproducer:
     agent, turn = str(trial.change["agent"]), int(trial.change["turn"])
-    action = by_turn(trial.trace, turn)[turn].actions[agent]
+    action = by_turn(trial.trace, turn)[turn].actions.get(agent, trial.change["action"])
     paid = "dict(env.step(each)[1])" if api == "parallel" else "(env.step(each), dict(env.rewards))"
     replaced = (
         f"{{**other[{turn}], {agent!r}: {literal(action)}}}"

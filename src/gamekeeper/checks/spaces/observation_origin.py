@@ -223,7 +223,7 @@ def observations_show_their_step(contract: Contract, evidence: ProbeEvidence) ->
     )
     for each in paid:
         agent, turn = str(each.change["agent"]), int(each.change["turn"])
-        choice = by_turn(each.trace, turn)[turn].actions[agent]
+        choice = by_turn(each.trace, turn)[turn].actions.get(agent, each.change["action"])
         yield Case(
             each.base.at(turn + 1, agent, "observations"),
             not is_old,
