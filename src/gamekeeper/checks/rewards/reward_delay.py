@@ -311,10 +311,9 @@ def _rare_proof(fact: Fact[PaymentTime], api: str) -> Reproducer:
 def _case(trial: _Trial, *, ok: bool, api: str, part: str | None) -> Case:
     change = trial.counterfactual.change
     agent, turn = str(change["agent"]), int(change["turn"])
-    if api == "parallel":
-        proof = _proof(agent, turn, change["action"], part)
-    else:
-        proof = _aec_proof(turn, change)
+    action = by_turn(trial.counterfactual.trace, turn)[turn].actions.get(agent, change["action"])
+    is_parallel = api == "parallel"
+    proof = _proof(agent, turn, action, part) if is_parallel else _aec_proof(turn, action)
     field = "cumulative_reward" if part is None else f"terms[{part!r}]"
     where: Where = trial.counterfactual.base.at(turn + 2, agent, field)
     reward = "reward" if part is None else f"{part!r}"
@@ -342,7 +341,7 @@ def _proof(agent: str, turn: int, action: Any, part: str | None) -> Reproducer:
     )
 
 
-def _aec_proof(turn: int, change: Any) -> Reproducer:
+def _aec_proof(turn: int, action: Any) -> Reproducer:
     return Reproducer(
         "def received(actions):\n"
         "    env, found = make(), []\n"
@@ -353,7 +352,7 @@ def _aec_proof(turn: int, change: Any) -> Reproducer:
         "    return [*found, (env.agent_selection, env.last()[1])]\n"
         "\n"
         "other = list(ACTIONS)\n"
-        f"other[{turn}] = {literal(change['action'])}\n"
+        f"other[{turn}] = {literal(action)}\n"
         "one, two = received(ACTIONS), received(other)\n"
         f"later = [k for k in range({turn + 1}, len(one)) if one[k][0] == one[{turn}][0]]\n"
         "first, then = [one[k] != two[k] for k in later[:2]]\n"

@@ -123,7 +123,7 @@ def masks_say_what_is_legal_now(contract: Contract, evidence: ProbeEvidence) -> 
 
 
 def _contradictions(source: str, facts: Sequence[Fact[MaskTrial]]) -> list[_Contradiction]:
-    """Contradictions of the given masks by those of a source; none if one fact speaks otherwise."""
+    """Actions on which a source is right and the given masks wrong; none if it ever is wrong."""
     found = []
     for fact in facts:
         other = fact.value.others.get(source)
