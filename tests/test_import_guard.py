@@ -76,6 +76,16 @@ def test_unguarded_gives_the_path_back_meanwhile(
         assert str(closed) not in sys.path
 
 
+def test_guard_that_leaves_the_current_folder_open_opens_it_inside_another(closed: Path) -> None:
+    """As where the command's own guard closes it, and the user then names code that lies there."""
+    (closed / "run").mkdir()
+    with guarded(), guarded(closed / "run", is_here_closed=False) as guard:
+        assert guard.allows(str(closed))
+        assert not guard.allows(str(closed / "run"))
+    with guarded(), guarded(closed, is_here_closed=False) as guard:
+        assert not guard.allows(str(closed))
+
+
 def test_guard_finds_a_known_module_only_unchanged(closed: Path) -> None:
     """A recorded module is found by its name, as long as its file has the digest."""
     file = closed / f"{NAME}.py"

@@ -85,6 +85,7 @@ def panel(page: Any, view: Viewer, turn: int) -> bytes:
     found.get_by_role("button", name="Play many").click()
     expect(found.locator("tbody tr").first).to_be_visible(timeout=PATIENCE_MS)
     page.mouse.move(0, 0)
+    page.evaluate("document.querySelector('.controls').style.position = 'static'")
     return bytes(found.screenshot())
 
 

@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from gamekeeper.diagnosis.failure_causes import diagnose
     from gamekeeper.diagnosis.pivot_result import Pivots
     from gamekeeper.diagnosis.pivots import pivots
-    from gamekeeper.diagnosis.response_tests import ResponseTest
-    from gamekeeper.diagnosis.responses import responses
+    from gamekeeper.diagnosis.response_tests import ResponseTest, responses
     from gamekeeper.episodes.divergence import Divergence
     from gamekeeper.episodes.episode import Episode, Turn
     from gamekeeper.episodes.evidence import Evidence
@@ -157,7 +156,7 @@ _HOMES: Final = {
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",
     "reproduce": "gamekeeper.evaluation.claim_check",
-    "responses": "gamekeeper.diagnosis.responses",
+    "responses": "gamekeeper.diagnosis.response_tests",
     "resume": "gamekeeper.runs.resuming",
     "rollout": "gamekeeper.runs.recording",
     "to_aec": "gamekeeper.interface.conversion",

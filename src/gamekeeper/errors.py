@@ -123,3 +123,11 @@ def check_choice(
         raise error(
             what, where=where, expected=expected, actual=repr(value)[:200], fix="use one of these"
         )
+
+
+def not_installed(
+    error: ImportError, package: str, extra: str, where: str, more: str = ""
+) -> DependencyError:
+    """Error of a package of an extra that can't be imported; `more` follows the fix."""
+    fix = f"pip install 'gamekeeper[{extra}]'{more}"
+    return DependencyError(f"{package} isn't installed", where=where, actual=str(error), fix=fix)

@@ -127,13 +127,15 @@ def guarded(
     Args:
         folders: closed beside what an outer guard closes.
         modules: files and digests of modules that are found all the same.
-        is_here_closed: close the current folder too.
+        is_here_closed: close the current folder too; False: open it, also where an outer guard
+            closes it.
     """
-    outer = active()
-    closed = [*(str(Path(each).absolute()) for each in folders), *(outer.closed if outer else ())]
-    if is_here_closed:
-        with suppress(FileNotFoundError):  # deleted: nothing can be found there
-            closed.append(str(Path.cwd()))
+    outer, here = active(), list[str]()
+    with suppress(FileNotFoundError):  # deleted: nothing can be found there
+        here.append(str(Path.cwd()))
+    beyond = [each for each in (outer.closed if outer else ()) if each not in here]
+    closed = [*(str(Path(each).absolute()) for each in folders), *beyond]
+    closed += here if is_here_closed else []
     guard = ImportGuard(closed, modules)
     with _changed(guard, guard.path()):
         yield guard

@@ -59,7 +59,9 @@ BATTERY = {"battery": 12}
 def test_trace_is_the_same_seen_through_rllib(spec: str, kwargs: dict[str, Any]) -> None:
     """Each agent's rows, in RLlib's own book: observations, actions, pay, last sight, end."""
     trace = next(
-        gk.rollout(spec, policies=FirstLegal(), episodes=1, seed=5, env_kwargs=kwargs).episodes
+        iter(
+            gk.rollout(spec, policies=FirstLegal(), episodes=1, seed=5, env_kwargs=kwargs).episodes
+        )
     )
     env = made(spec, seed=5, env_kwargs=kwargs)
     book = played(env)

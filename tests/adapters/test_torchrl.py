@@ -287,9 +287,14 @@ def test_others_play_inside() -> None:
     batch = env.rollout(80, first_legal(env), break_when_any_done=False)
     n = env.full_action_spec["picker", "action"].space.n
     trace = next(
-        gk.rollout(
-            "warehouse", policies={"picker": Same(n), "carrier": "reference"}, episodes=1, seed=3
-        ).episodes
+        iter(
+            gk.rollout(
+                "warehouse",
+                policies={"picker": Same(n), "carrier": "reference"},
+                episodes=1,
+                seed=3,
+            ).episodes
+        )
     )
     own = batch[0]["picker"][:, 0]
     acts = [turn for turn in trace.turns if turn.actions.get("picker_0") is not None][:80]
@@ -409,8 +414,7 @@ def test_forbidden_action_is_named() -> None:
 
     env = made(DOORS, 1)
     given = env.rand_action(env.reset())
-    (group,) = env.group_map
-    given[group, "action"] = torch.tensor([[1, 0]])
+    given["left", "action"], given["right", "action"] = torch.tensor([[1]]), torch.tensor([[0]])
     with pytest.raises(ActionError, match=SAYS):
         env.step(given)
     env.close()

@@ -22,3 +22,23 @@ def test_built_page_is_accessible(chromium: Any, name: str) -> None:
     wide = page.evaluate("document.documentElement.scrollWidth")
     context.close()
     assert (found, wide) == ([], 390)
+
+
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        ("custom environment", "own-environment.html"),
+        ("vector environment", "vector.html"),
+        ("wrapper", "wrappers.html"),
+    ],
+)
+def test_search_finds_the_page_of_its_subject(chromium: Any, words: str, first: str) -> None:
+    """The built pages' own search has the page that a reader looks for first."""
+    page = chromium.new_page()
+    page.goto(f"{(BUILT / 'search.html').as_uri()}?q={words.replace(' ', '+')}")
+    found = page.locator("#search-results ul.search > li > a").first
+    found.wait_for()
+    page.wait_for_function("/finished/.test(document.querySelector('#search-results').innerText)")
+    address = found.get_attribute("href")
+    page.close()
+    assert address == first

@@ -151,8 +151,8 @@ def test_no_more_episodes_are_played_than_allowed(
     """Search, confirmation, counterfactuals, perturbations and recordings together."""
     evidence = run(**kwargs)
     played = []
-    plan = OpenSetup._play
-    monkeypatch.setattr(OpenSetup, "_play", lambda *a: played.append(a) or plan(*a))
+    plan = OpenSetup.plan
+    monkeypatch.setattr(OpenSetup, "plan", lambda *a: played.append(a) or plan(*a))
     found = gk.diagnose(evidence, episodes=most, out=tmp_path / "d", perturbations=most > 500)
     recorded = sum(map(_episodes, found.runs.values()))
     assert len(played) + recorded == found.episodes <= most

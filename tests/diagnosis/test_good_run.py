@@ -13,8 +13,7 @@ from gymnasium.spaces import Box, Discrete
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.arms import ArmRunner
-from gamekeeper.diagnosis.difference_search import DifferenceSearch
-from gamekeeper.diagnosis.least_set import least_set
+from gamekeeper.diagnosis.difference_search import DifferenceSearch, least_set
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.setup_differences import (
     ABSENT,
@@ -234,7 +233,7 @@ def test_a_remainder_that_is_tiny_makes_no_further_cause() -> None:
     kinds: Any = (("policy[a]", "policy"), ("noise", "argument"))
     differences = tuple(SetupDifference(name, kind, 0, 1) for name, kind in kinds)
     bad, runner = Setup("x"), ArmRunner(Contract())
-    found = Scored(bad, bad, differences, runner, _nothing, 0.7, 900, None, (1, 2)).run()
+    found = Scored(bad, bad, differences, runner, _nothing, 0.7, (1, 2)).run()
     assert [[one.name for one in each] for each in found] == [["policy[a]"]]
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gamekeeper.diagnosis.failure_causes import scope_answer
-from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
-from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined, undone
+from gamekeeper.diagnosis.judgement import EITHER, ScopeFinding, is_failing, judged, recovered
+from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined, over_undos, undone
 from gamekeeper.diagnosis.undos import BoundaryUndo
 
 N = 64
@@ -110,10 +110,21 @@ def test_policies_of_two_agents_that_are_both_needed_are_joint() -> None:
 
 def test_an_undo_without_a_counterpart_has_no_label() -> None:
     """The agent is shown, and not whether it misreads or does it."""
-    one = undone(BoundaryUndo(("a",), "mirror field", (0,)), is_either=True)
+    one = undone(BoundaryUndo(("a",), "mirror field", (0,)), open_as=EITHER)
     answer = judged(share(0.0), {one: share(1.0)}, rng=np.random.default_rng(0))
     assert (answer.answer, answer.labels) == ("isolated", ())
     assert "a's perception or control" in answer.why
+
+
+def test_a_part_that_restores_less_than_the_whole_policy_has_no_label() -> None:
+    """Beyond chance less: it makes up for some of what is wrong, and shows no part of it."""
+    part = undone(BoundaryUndo(("a",), "exchange fields", (0, 1)))
+    swap = IdealSubstitute("giving a b's policy", "policy", ("a",), (("policy", "a", "", "x"),))
+    for reached, labels in ((1.0, ("perception",)), (0.8, ())):
+        arms = {one: share(1.0) for one in over_undos([swap, part]) if one.name == swap.name}
+        answer = judged(share(0.0), {**arms, part: share(reached)}, rng=np.random.default_rng(0))
+        assert (answer.answer, answer.labels) == ("isolated", labels)
+    assert [one.shown for one in answer.substitutes] == ["a's policy"]
 
 
 def test_a_pair_that_needs_less_goes_before_one_that_does_more() -> None:

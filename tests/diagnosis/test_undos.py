@@ -50,11 +50,12 @@ def test_other_boundaries_of_an_agent_are_tried_before_a_label_is_given() -> Non
         )
     )
     rest = [strange, same, other, late]
-    room: Any = SimpleNamespace(left=ASIDE + 64 + 10 + 2 * ROUNDS[0], confirm=64)
+    runner = SimpleNamespace(left=ASIDE + 64 + 10 + 2 * ROUNDS[0])
+    room: Any = SimpleNamespace(runner=runner, confirm=64)
     more, left, rivals = _other_boundaries(room, {first: 1.0}, rest, 1, 10)
     assert more == [other, late]
     assert (left, rivals) == ([strange, same], [same])
-    room.left -= ROUNDS[0]
+    runner.left -= ROUNDS[0]
     assert _other_boundaries(room, {first: 1.0}, rest, 1, 10)[2] == [late, same]
     assert _other_boundaries(room, {first: 0.5}, rest, 1, 10)[0] == []
 

@@ -96,3 +96,19 @@ class ShowsAtOnce(Lanterns):
         if action is not None:
             self.level[self.possible_agents.index(agent)] = int(action)
         super().step(action)
+
+
+@faulty("GK701")
+class AsksItsOriginal(Rovers):
+    """A function that the constructor made asks the original for the batteries.
+
+    A deep copy keeps the function as it is, with its original in it.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.left = lambda agent: self.battery[agent]
+
+    def info(self, agent: str) -> dict[str, Any]:
+        """What the function says."""
+        return {"battery": self.left(agent)}

@@ -36,6 +36,7 @@ def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -
     ("name", "consequence", "cause"),
     [
         ("CopyLosesAView", "GK703", "GK701"),
+        ("FlagsStayUp", "GK523", "GK604"),
         ("LevelsAreSeen", "GK620", "GK610"),
         ("NotRestored", "GK103", "GK604"),
         ("PaidAfterEnd", "GK402", "GK106"),

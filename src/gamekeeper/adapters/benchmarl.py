@@ -10,16 +10,12 @@ from typing import Any
 from gymnasium import spaces
 from torchrl.data import Composite
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, not_installed
 
 try:
     from benchmarl.environments.common import TaskClass
 except ImportError as error:
-    raise SpecError(
-        "BenchMARL isn't installed",
-        where="gamekeeper.adapters.benchmarl",
-        fix="pip install 'gamekeeper[benchmarl]'",
-    ) from error
+    raise not_installed(error, "BenchMARL", "benchmarl", "gamekeeper.adapters.benchmarl") from error
 
 from gamekeeper.adapters.requirements import checked, learners_of
 from gamekeeper.adapters.torchrl import env as torchrl_env

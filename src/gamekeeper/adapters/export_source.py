@@ -24,7 +24,7 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import value_columns
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec, Leaf
-from gamekeeper.errors import DependencyError, EvidenceError
+from gamekeeper.errors import EvidenceError
 from gamekeeper.runs.load_run import load
 
 Run: TypeAlias = "Evidence | str | PathLike[str]"
@@ -115,16 +115,6 @@ def traces_of(evidence: Evidence) -> Iterator[Episode]:
     for batch in evidence.episode_table.to_batches(max_chunksize=HEADERS):
         for header in batch.to_pylist():
             yield evidence.episode_of(header)
-
-
-def needs(package: str, extra: str, error: ImportError) -> DependencyError:
-    """Returns the error of an exporter whose package isn't installed."""
-    return DependencyError(
-        f"{package} isn't installed",
-        where=f"--to {extra}",
-        actual=str(error),
-        fix=f"pip install 'gamekeeper[{extra}]'",
-    )
 
 
 def tell(lost: Sequence[str], say: Say) -> tuple[str, ...]:

@@ -132,8 +132,9 @@ class AgentEnv(gymnasium.Env[Any, Any]):
             )
         except Exception as error:
             space, mask = self.action_space, self._mask(*self._seen)
-            then = f"the environment raised {said_by(error)}"
-            masked = forbidden(self.agent, action, space, mask, then=then, fix=FIX_OF_MASKED)
+            masked = forbidden(
+                self.agent, action, space, mask, then=said_by(error), fix=FIX_OF_MASKED
+            )
             if masked is None:
                 raise
             raise masked from error

@@ -16,12 +16,12 @@ EVIDENCE_BYTES: Final = 2 << 30
 """Bytes that the episodes of all probes may hold; reading them takes as much once more."""
 
 
-def most_turns(session: ProbeSession, size_bytes: int) -> int:
-    """The turns whose observations and states take so many bytes; a play's least at least."""
+def most_turns(session: ProbeSession, size_bytes: int, least: int = LEAST_TURNS) -> int:
+    """The turns whose observations and states take so many bytes; `least` at least."""
     sizes = [space_bytes(spec.observation_space) for spec in session.agents.values()]
     each = max(sizes, default=0) if session.api == "aec" else sum(sizes)
     each += space_bytes(getattr(session.opened.env, "state_space", None))
-    return max(size_bytes // max(each, 1), LEAST_TURNS)
+    return max(size_bytes // max(each, 1), least)
 
 
 def space_bytes(space: Any) -> int:
@@ -47,16 +47,12 @@ def slimmed(counterfactual: ProbeCounterfactual) -> ProbeCounterfactual:
     """The same counterfactual; a rerun that went as its base did shares the base's rows."""
     if counterfactual.volatile:  # these may differ where nothing else does
         return counterfactual
-    unchanged_rerun = (
-        _sharing(counterfactual.base, counterfactual.unchanged_rerun)
-        if counterfactual.noise is None
-        else counterfactual.unchanged_rerun
-    )
-    trace = (
-        _sharing(counterfactual.base, counterfactual.trace)
-        if counterfactual.divergence is None
-        else counterfactual.trace
-    )
+    base = counterfactual.base
+    unchanged_rerun, trace = counterfactual.unchanged_rerun, counterfactual.trace
+    if counterfactual.noise is None:
+        unchanged_rerun = _sharing(base, unchanged_rerun)
+    if counterfactual.divergence is None:
+        trace = _sharing(base, trace)
     return replace(counterfactual, unchanged_rerun=unchanged_rerun, trace=trace)
 
 

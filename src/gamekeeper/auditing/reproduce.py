@@ -127,7 +127,8 @@ def _shortest(
         finally:
             session.meter.until_s = None
             reproduction.steps_left -= session.meter.steps - begun
-        bad = _broken_alike(check, case, reproduction.contract, _gathered(reproduction, name, look))
+        gathered = replace(reproduction.gathering.gathered(), looks={name: (look,)})
+        bad = _broken_alike(check, case, reproduction.contract, gathered)
         if bad is not None:
             best = session.base or shorter, bad
         return bad is not None
@@ -138,10 +139,6 @@ def _shortest(
         cut = replace(play, actions=play.actions[:turns], most_turns=max(turns, 1))
         return (cut if reproduction.is_spent else play), case
     return best
-
-
-def _gathered(reproduction: Reproduction, probe: str, look: Any) -> ProbeEvidence:
-    return replace(reproduction.gathering.gathered(), looks={probe: (look,)})
 
 
 def _broken_alike(

@@ -83,12 +83,14 @@ def state_of(env: Any) -> Any:
 def copies_go_on(
     make: Callable[[], Any], seed: int, actions: Sequence[Any], at: int, way: str, who: str
 ) -> None:
-    """Plays on in a copy, and then in its original."""
+    """Plays on in a copy, and then in its original; `apart`: once the original was reset."""
     env, other = begin(make, seed), begin(make, seed)
     go(other, actions[:at])
     expected = go(other, actions[at:])
     go(env, actions[:at])
     copied = copy.deepcopy(env) if way == "deepcopy" else pickle.loads(pickle.dumps(env))
+    if who == "apart":
+        env.reset(seed=seed + 1000)
     seen = go(copied, actions[at:])
     if who == "original":
         seen = go(env, actions[at:])

@@ -110,8 +110,5 @@ def first_divergence_words(first_divergence: Divergence) -> str:
 
 def env_steps_of(first_divergence: Divergence) -> int | None:
     """Number of steps after which the divergence shows."""
-    return (
-        None
-        if first_divergence.turn is None
-        else first_divergence.turn + (first_divergence.field in LATE)
-    )
+    turn = first_divergence.turn
+    return None if turn is None else turn + (first_divergence.field in LATE)

@@ -1,7 +1,8 @@
 """The command line: one module for each command, found by walking this package.
 
 A module without an underscore is a command: its `command` function takes a `Screen` and the
-options that its signature declares, and returns an `Answer`; its docstring is the help text.
+options that its signature declares, and returns a `CommandResult`; its docstring is the help text,
+and says under `Args` how each option is typed (see `_options`).
 """
 
 import signal

@@ -16,6 +16,7 @@ from gamekeeper.diagnosis.judgement import (
     is_any_exchange,
     is_any_scale,
 )
+from gamekeeper.diagnosis.perturbations import PerturbationArm
 from gamekeeper.diagnosis.played_setup import SetupTraits
 from gamekeeper.diagnosis.trials import (
     CARRIED,
@@ -24,7 +25,6 @@ from gamekeeper.diagnosis.trials import (
     MEMORY,
     POLICY,
     IdealSubstitute,
-    PerturbationArm,
     joined_names,
 )
 from gamekeeper.episodes.outcome import LABELS
@@ -176,7 +176,7 @@ def _why_not(
 ) -> str:
     if handle is not None:
         broken = experiment.runner.broken.get(handle)
-        spent = f"the {experiment.limit} was reached"
+        spent = f"the {experiment.runner.limit} was reached"
         return broken or (spent if experiment.fails else SOUND)
     knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
     is_anothers = any(one.component == label for one in experiment.substitutes)

@@ -16,9 +16,11 @@ from threading import Lock
 from typing import Any, Final, Self, TypeVar
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
 from gamekeeper.episodes.outcome import Outcome
-from gamekeeper.errors import EnvError, RunError, SpecError
+from gamekeeper.errors import ActionError, EnvError, PolicyError, RunError, SpecError
+from gamekeeper.interface.packing import type_name_of
 from gamekeeper.rollouts.executors.local import LocalExecutor
 from gamekeeper.rollouts.executors.task import Executor, Limits, WorkTask, stopped_after
 
@@ -142,6 +144,9 @@ class ArmRunner:
             so that a call that goes on stops where one without a break does.
         steps: env steps of those.
         longest: env steps of the longest of them, and of whatever is known to be as long.
+        most: episodes that may be played.
+        budget: env steps that may be taken; None: as many as those take.
+        extra: episodes that were played, or are to be, outside of arms.
 
     As a context it keeps its worker processes from one `play` to the next.
     """
@@ -158,6 +163,9 @@ class ArmRunner:
     used: set[Key] = field(default_factory=set)
     steps: int = 0
     longest: int = 1
+    most: int = 2_000
+    budget: int | None = None
+    extra: int = 0
     _players: Executor | None = None
     _lock: Any = field(default_factory=Lock)
 
@@ -214,16 +222,23 @@ class ArmRunner:
         self.steps += sum(turns)
         self.longest = max([self.longest, *turns])
 
-    def affordable(self, budget: int | None, extra: int = 0) -> int | None:
-        """Episodes as long as the longest that a budget of env steps still has room for.
+    @property
+    def left(self) -> int:
+        """Episodes that may still be played, each as long as the longest."""
+        left = max(self.most - len(self.used) - self.extra, 0)
+        return left if self.budget is None else min(left, self._steps_left // self.longest)
 
-        Args:
-            budget: env steps; None: as many as are wanted, and None is returned.
-            extra: episodes that are played elsewhere.
-        """
-        if budget is None:
-            return None
-        return max(budget - self.steps - extra * self.longest, 0) // self.longest
+    @property
+    def limit(self) -> str:
+        """The limit that is reached first, in words."""
+        left = self.most - len(self.used) - self.extra
+        if self.budget is not None and self._steps_left // self.longest < left:
+            return f"budget of {self.budget:,} env steps"
+        return f"limit of {self.most} episodes"
+
+    @property
+    def _steps_left(self) -> int:
+        return max((self.budget or 0) - self.steps - self.extra * self.longest, 0)
 
     def of(self, arm: str, run_seed: int, episodes: Sequence[int]) -> list[Outcome]:
         """The outcomes of an arm, in the order of its episodes."""
@@ -438,3 +453,56 @@ def _differing(old: Any, new: Any, name: str) -> Iterator[tuple[str, str, str]]:
             yield from _differing(old.get(key), new.get(key), inner)
     elif old != new:
         yield name, json.dumps(old)[:60], json.dumps(new)[:60]
+
+
+BREAKS: Final = tuple(f"{type_name_of(kind)}: " for kind in (PolicyError, ActionError))
+MOST: Final = 0.5
+"""Part of the failed episodes from which nothing else is looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class RaisedPolicy(PlainData):
+    """A policy that broke episodes off.
+
+    Attributes:
+        said: the first error, in words.
+        turns: the first and the last turn at which it did so.
+        count, episodes: how many episodes it broke off, and of how many.
+    """
+
+    agent: str
+    said: str
+    turns: tuple[int, int]
+    count: int
+    episodes: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {**PlainData.to_json(self), "text": str(self)}
+
+    def __str__(self) -> str:
+        first, last = self.turns
+        where = f"at turn {first}" if first == last else f"at turns {first} to {last}"
+        of = f"in {self.count} of {self.episodes} new episodes"
+        return f"{self.agent}'s policy broke off {where} {of}: {self.said}"
+
+
+def raised_in(outcomes: Iterable[Outcome]) -> tuple[RaisedPolicy, ...]:
+    """The policies that broke episodes off, by agent, those of most episodes first."""
+    every = list(outcomes)
+    by_agent: dict[str, list[Outcome]] = {}
+    for each in every:
+        if each.error is not None and each.error.startswith(BREAKS):
+            named = [x for x in each.returns if f"for {x!r}" in each.error]
+            by_agent.setdefault(named[0] if named else "an agent", []).append(each)
+    found = [
+        RaisedPolicy(
+            agent,
+            " ".join(str(mine[0].error).partition(": ")[2].partition(" where: ")[0].split()),
+            (min(each.turns for each in mine), max(each.turns for each in mine)),
+            len(mine),
+            len(every),
+        )
+        for agent, mine in by_agent.items()
+    ]
+    return tuple(sorted(found, key=lambda each: -each.count))

@@ -76,9 +76,12 @@ def counterfactuals(
             for episode, played in bases.items():
                 ideal = counterfactual.played(run_seed, episode)
                 other = ideal.trace
-                open_ = counterfactual.played(
-                    run_seed, episode, change=_others_as(played, substitute)
-                ).trace
+                paper = tuple(  # of which only those whom it concerns choose otherwise
+                    {agent_name(a): act for a, act in turn.items()}
+                    for turn in played.play.actions or ()
+                )
+                others = Reenacted(free=_concerned(substitute), paper=paper)
+                open_ = counterfactual.played(run_seed, episode, change=others).trace
                 found = compare(played.trace, other, volatile=volatile).divergence
                 fails = [
                     failed(outcome_of(trace), conditions, contract)
@@ -94,14 +97,6 @@ def counterfactuals(
                     restored_open=not fails[2].get(scope, False),
                     **_acted(place, (played, ideal), contract),
                 )
-
-
-def _others_as(played: EpisodeResult, substitute: IdealSubstitute) -> Reenacted:
-    """Only those whom the ideal substitute concerns choose; the others do what they did."""
-    paper = tuple(
-        {agent_name(a): act for a, act in turn.items()} for turn in played.play.actions or ()
-    )
-    return Reenacted(free=_concerned(substitute), paper=paper)
 
 
 def _concerned(substitute: IdealSubstitute) -> tuple[str, ...]:

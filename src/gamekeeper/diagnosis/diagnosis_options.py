@@ -70,6 +70,8 @@ class DiagnosisOptions:
             notes=self.notes,
             head={**head, "seed": self.seed},
             longest=longest,
+            most=self.episodes,
+            budget=self.budget,
         )
 
     @property

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any, Self
 
+from gamekeeper.diagnosis.arms import RaisedPolicy
 from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
 from gamekeeper.diagnosis.plain_data import PlainData
-from gamekeeper.diagnosis.raised_policies import RaisedPolicy
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.setup_differences import SetupDifference
 from gamekeeper.episodes.row_tables import html_table, text_lines

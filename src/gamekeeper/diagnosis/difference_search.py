@@ -9,16 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Final
+from itertools import pairwise
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
+from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner, RaisedPolicy, raised_in
 from gamekeeper.diagnosis.diagnosis_result import Tested
-from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
-from gamekeeper.diagnosis.raised_policies import RaisedPolicy, raised_in
 from gamekeeper.diagnosis.setup_differences import SetupDifference, names_of, taken_over
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import GamekeeperError
@@ -55,8 +54,6 @@ class DifferenceSearch:
         differences: those that can be swapped.
         score, measure: figure of an episode, and its name; higher is better.
         part: of the gap that a set has to close.
-        most: episodes that may be played.
-        budget: env steps that may be taken; None: as many as those take.
         seeds: run seeds of the search and of the confirmation.
         alone: by name, the part of the gap that a difference closes, taken over alone.
         confirmed: sets that the answer is given on. One restores where it closes the stated part
@@ -71,8 +68,6 @@ class DifferenceSearch:
     runner: ArmRunner
     score: Callable[[Outcome], float]
     part: float
-    most: int
-    budget: int | None
     seeds: tuple[int, int]
     measure: str = "success"
     alone: dict[str, float] = field(default_factory=dict)
@@ -119,7 +114,9 @@ class DifferenceSearch:
                 least_set(ranked, partial(self._explains, seed=self.seeds[0], n=n))
             )
             if least:
-                others = [one for one in ranked if one not in least and self._is_rival(one)]
+                enough = self.part - NEAR
+                others = [o for o in ranked if self.alone.get(o.name, 0.0) >= enough]
+                others = [one for one in others if one not in least]
                 rivals = [(one,) for one in others if len(least) == 1]
                 return (least, *(one for one in rivals if self._confirmed(one)))
         return ()
@@ -141,10 +138,6 @@ class DifferenceSearch:
                 order[one.name] = max(order[one.name], lost)
         return sorted(self.differences, key=lambda one: -order[one.name])
 
-    def _is_rival(self, one: SetupDifference) -> bool:
-        """A single difference that may explain as well as the one that was found."""
-        return self.alone.get(one.name, 0.0) >= self.part - NEAR
-
     def _mean(self, chosen: Chosen, seed: int, broken: float = 0.0) -> float:
         scores = self._scores(chosen, seed, ALONE)
         return broken if scores is None else float(scores.mean())
@@ -157,7 +150,7 @@ class DifferenceSearch:
         if base is None or best is None or arm is None or best.mean() <= base.mean():
             return False
         closed = float((arm.mean() - base.mean()) / (best.mean() - base.mean()))
-        rest = paired_effect(arm, best, rng=self._rng())
+        rest = paired_effect(arm, best, rng=np.random.default_rng(13))
         is_less = rest.low > 0 and closed <= 1 - MATTERS
         return closed >= self.part and not is_less
 
@@ -194,7 +187,7 @@ class DifferenceSearch:
         base, arm = self._scores(one, seed, n), self._scores(two, seed, n)
         if base is None or arm is None:
             return PairedEffect(0.0, -1.0, 1.0, 1.0, n)
-        return paired_effect(base, arm, rng=self._rng())
+        return paired_effect(base, arm, rng=np.random.default_rng(13))
 
     def _scores(self, chosen: Chosen, seed: int, n: int) -> Scores | None:
         """Scores of the bad set-up with some differences taken over; None: it can't be played.
@@ -206,10 +199,7 @@ class DifferenceSearch:
         if arm not in (BAD, GOOD):
             self.tried.add(arm)
         new = sum((arm, seed, k) not in self.runner.used for k in range(n))
-        affordable = self.runner.affordable(self.budget)
-        if len(self.runner.used) + new > self.most:
-            raise Spent
-        if affordable is not None and new > affordable:
+        if new > self.runner.left:
             raise Spent
         if arm not in self.runner.broken:
             try:
@@ -230,6 +220,47 @@ class DifferenceSearch:
             return GOOD, self.good
         return f"{AS_GOOD}{names_of(mine)}", taken_over(self.bad, self.good, mine)
 
-    @staticmethod
-    def _rng() -> Any:
-        return np.random.default_rng(13)
+
+Item = TypeVar("Item")
+Shows = Callable[[Sequence[Item]], bool]
+"""Test of some of the things, in their order."""
+
+
+def least_set(items: Sequence[Item], shows: Shows[Item]) -> tuple[Item, ...]:
+    """The items from which none can be taken without `shows` turning false.
+
+    First by growing a prefix, so that the likeliest should stand first, then by delta debugging
+    inside it: halves, their complements, then ever smaller parts.
+
+    Args:
+        items: all of them together are taken to show it.
+        shows: asked for subsets only.
+    Source: Zeller & Hildebrandt 2002, "Simplifying and isolating failure-inducing input" (ddmin).
+    """
+    size = 1
+    while size < len(items) and not shows(items[:size]):
+        size *= 2
+    left, parts = list(items[:size]), 2
+    while len(left) >= 2:
+        smaller = _smaller(left, parts, shows)
+        if smaller is not None:
+            left, parts = smaller
+        elif parts >= len(left):
+            break
+        else:
+            parts = min(2 * parts, len(left))
+    return tuple(left)
+
+
+def _smaller(items: list[Item], parts: int, shows: Shows[Item]) -> tuple[list[Item], int] | None:
+    """A part that shows it, or what is left without a part; and into how many to divide it."""
+    edges = [len(items) * number // parts for number in range(parts + 1)]
+    spans = list(pairwise(edges))
+    for begin, end in spans:
+        if shows(items[begin:end]):
+            return items[begin:end], 2
+    for begin, end in spans if parts > 2 else ():  # of two, what is left is the other one
+        rest = items[:begin] + items[end:]
+        if shows(rest):
+            return rest, max(parts - 1, 2)  # one part fewer, of the same size
+    return None

@@ -18,17 +18,16 @@ from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
-from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
+from gamekeeper.diagnosis.arms import MOST, ArmOrder, ArmRunner, RaisedPolicy, raised_in
+from gamekeeper.diagnosis.difference_search import least_set
 from gamekeeper.diagnosis.judgement import ScopeFinding, cut_early, is_failing, judged, recovered
-from gamekeeper.diagnosis.least_set import least_set
+from gamekeeper.diagnosis.perturbations import PerturbationArm
 from gamekeeper.diagnosis.played_setup import Setup
-from gamekeeper.diagnosis.raised_policies import MOST, RaisedPolicy, raised_in
 from gamekeeper.diagnosis.trials import (
     COMPONENTS,
     CUT_OFF,
     MEMORY,
     IdealSubstitute,
-    PerturbationArm,
     briefly,
     joined,
     over_undos,
@@ -68,9 +67,7 @@ class Experiment:
         substitutes: the handles, and those of each component together.
         conditions: when an episode failed, by scope.
         expected, part: as `judged` has them.
-        most: episodes that may be played, `LEAST` or more.
         seed: all seeds come from it and from the run's fingerprint.
-        budget: env steps that may be taken.
         pairs: those that are confirmed, and least sets that were shrunk from a group.
         least: names of groups of which nothing can be left out.
         groups: sets that were tried while a group was shrunk, and undos in pairs, by name.
@@ -83,7 +80,6 @@ class Experiment:
         idle: number of memory resets that the search dropped.
         paired: number of pairs of undos that were tried.
         rivals: those that restored in the search, and weren't confirmed for want of budget.
-        extra: episodes that were played, or are to be, outside of arms.
         recordings: episodes of each arm that are recorded into a run.
         early_cut: the turn at which every failed recorded episode was truncated, if that is before
             the declared horizon.
@@ -96,10 +92,8 @@ class Experiment:
     runner: ArmRunner
     expected: float
     part: float
-    most: int
     seed: int
     fingerprint: str
-    budget: int | None = None
     confirm: int = CONFIRM
     renewals: Sequence[IdealSubstitute] = ()
     pairs: list[IdealSubstitute] = field(default_factory=list)
@@ -113,7 +107,6 @@ class Experiment:
     rivals: list[IdealSubstitute] = field(default_factory=list)
     skipped: list[IdealSubstitute] = field(default_factory=list)
     not_played: list[str] = field(default_factory=list)
-    extra: int = 0
     recordings: int = 0
     early_cut: int | None = None
 
@@ -140,17 +133,17 @@ class Experiment:
         singles = self._names(self.substitutes)
         if len(singles) > 1:
             singles.append(EVERYTHING)
-        if (SEARCH + CONFIRM) * len(singles) <= self.left:
+        if (SEARCH + CONFIRM) * len(singles) <= self.runner.left:
             self._search(singles)
             singles = self._worth_confirming(singles)
-        elif CONFIRM * len(singles) <= self.left:
+        elif CONFIRM * len(singles) <= self.runner.left:
             self.not_played.append("the search for pairs, and for settings that still restore")
         else:
-            singles = self._first_singles(self.left // CONFIRM)
+            singles = self._first_singles(self.runner.left // CONFIRM)
         self.confirmed = [*singles, *self._names(self.pairs)]
         self._play(self.confirmed, self.confirm_seed, CONFIRM)
         while self._is_near():
-            if self.confirm * (1 + len(self.confirmed)) > self.left:
+            if self.confirm * (1 + len(self.confirmed)) > self.runner.left:
                 self.not_played.append("more episodes of arms whose effect is near --part")
                 break
             self.confirm *= 2
@@ -215,7 +208,7 @@ class Experiment:
             return self._most(parts[0].name) >= enough
         one = joined(parts)
         self.groups[one.name] = one
-        if self.left < SEARCH + CONFIRM * (len(self.substitutes) + 2):
+        if self.runner.left < SEARCH + CONFIRM * (len(self.substitutes) + 2):
             self.not_played.append(f"fewer at once than {one.name}")
             return False
         self._play([one.name], self.search_seed, SEARCH)
@@ -233,7 +226,7 @@ class Experiment:
         if len(singles) < 2 or not self._wants_pairs():
             return
         pairs = self._possible_pairs()
-        left = self.left - CONFIRM * len(singles)
+        left = self.runner.left - CONFIRM * len(singles)
         most = (left - CONFIRM * PAIRS) // SEARCH
         most = most if most >= PAIRS else left // (SEARCH + CONFIRM)
         few = pairs[:most]
@@ -260,30 +253,15 @@ class Experiment:
             self.not_played.append("several ideal substitutes at once")
         return self._names(ranked[:most])
 
-    @property
-    def left(self) -> int:
-        """Episodes that may still be played."""
-        left = max(self.most - len(self.runner.used) - self.extra, 0)
-        affordable = self.runner.affordable(self.budget, self.extra)
-        return left if affordable is None else min(left, affordable)
-
-    @property
-    def limit(self) -> str:
-        """The limit that is reached first, in words."""
-        affordable = self.runner.affordable(self.budget, self.extra)
-        left = self.most - len(self.runner.used) - self.extra
-        if affordable is not None and affordable < left:
-            return f"budget of {self.budget:,} env steps"
-        return f"limit of {self.most} episodes"
-
     def play(self, arms: Sequence[str], run_seed: int, episodes: Sequence[int]) -> None:
         """Plays episodes of arms, as far as they aren't known yet.
 
         With a budget of env steps an arm is begun, and played on only if that is affordable.
         """
         orders = [ArmOrder(a, self.arm(a), run_seed, episodes) for a in arms]
-        if self.budget is not None:
-            orders = [order for order in orders if self._is_affordable(order, self.budget)]
+        budget = self.runner.budget
+        if budget is not None:
+            orders = [order for order in orders if self._is_affordable(order, budget)]
         self.runner.play(orders)
 
     def _is_affordable(self, order: ArmOrder, budget: int) -> bool:
@@ -296,7 +274,7 @@ class Experiment:
         if arm in runner.broken:
             return True
         longest = max(outcome.turns for outcome in runner.of(arm, seed, new[:BEGUN]))
-        left = budget - runner.steps - self.extra * runner.longest
+        left = budget - runner.steps - runner.extra * runner.longest
         if left >= longest * (len(new) - BEGUN):
             return True
         runner.broken[arm] = f"the budget of {budget:,} env steps was reached"
@@ -413,7 +391,7 @@ class Experiment:
             part=self.part,
             everything=whole,
             skipped=self.skipped,
-            limit=self.limit,
+            limit=self.runner.limit,
             dropped=self.dropped + self.idle,
             paired=self.paired,
             rng=np.random.default_rng([11, self.seed]),
@@ -482,7 +460,7 @@ class Experiment:
             middle = float(round(middle)) if is_whole else middle
             if middle in (good, bad):
                 break
-            if self.left < SEARCH:
+            if self.runner.left < SEARCH:
                 self.not_played.append(
                     f"settings between {substitute.name} and {substitute.value:g}"
                 )
@@ -513,7 +491,7 @@ class Experiment:
         sound = self.successes(UNCHANGED, self.search_seed, SEARCH, scope).nonzero()[0]
         if not isinstance(change, Strong) or len(sound) <= SEARCH // 2:
             return None
-        if cost > self.left:
+        if cost > self.runner.left:
             self.not_played.append(f"strengths of {perturbation.name}")
             return None
 

@@ -29,6 +29,7 @@ from gamekeeper.diagnosis.judgement import (
     ScopeFinding,
     contradictions,
 )
+from gamekeeper.diagnosis.perturbations import PerturbationArm, perturbations_of
 from gamekeeper.diagnosis.played_setup import (
     OpenSetup,
     SetupTraits,
@@ -40,12 +41,7 @@ from gamekeeper.diagnosis.played_setup import (
     setup_of,
     traits_of,
 )
-from gamekeeper.diagnosis.trials import (
-    PerturbationArm,
-    perturbations_of,
-    renewals_of,
-    substitutes_of,
-)
+from gamekeeper.diagnosis.trials import renewals_of, substitutes_of
 from gamekeeper.diagnosis.undo_search import try_undos
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -178,10 +174,8 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             runner,
             options.expected,
             options.part,
-            options.episodes,
             options.seed,
             evidence.fingerprint,
-            budget=options.budget,
             renewals=tuple(renewals_of(setup, seen)),
         )
         with runner, noted_if_interrupted(lambda: _known(experiment, options)):
@@ -236,7 +230,7 @@ def _diagnosis(
     doubts = {} if others or experiment.is_broken_off else contradictions(recorded, fresh)
     findings = {scope: scope_answer(experiment, scope, doubts.get(scope)) for scope in fresh}
     found = _counterfactuals(evidence, experiment, findings, recorded)
-    repeated = experiment.extra
+    repeated = experiment.runner.extra
     _reserve(experiment, findings)
     flips = _flips(experiment, findings)
     perturbed = _perturbed(experiment, seen, kinds, agents)
@@ -270,8 +264,8 @@ def _diagnosis(
         seed=experiment.seed,
         contradictions=doubts,
         conditions={name: each.text for name, each in conditions.items()},
-        most_episodes=experiment.most,
-        budget=experiment.budget,
+        most_episodes=experiment.runner.most,
+        budget=experiment.runner.budget,
         steps=experiment.runner.steps,
         not_played=tuple(experiment.not_played),
         policies=others,
@@ -291,7 +285,7 @@ def _counterfactuals(
         if not finding.substitutes:
             continue
         wanted = min(MOST, recorded.get(scope, (0, 0))[0])
-        most = min(wanted, experiment.left // (1 + 2 * len(finding.substitutes)))
+        most = min(wanted, experiment.runner.left // (1 + 2 * len(finding.substitutes)))
         if most < wanted:
             experiment.not_played.append(f"{wanted - most} of {wanted} counterfactuals of {scope}")
         rows = counterfactuals(
@@ -304,7 +298,7 @@ def _counterfactuals(
             most=most,
         )
         mine = list(rows)
-        experiment.extra += 2 * len(mine) + len({row.episode for row in mine})
+        experiment.runner.extra += 2 * len(mine) + len({row.episode for row in mine})
         found += mine
     return found
 
@@ -315,8 +309,8 @@ def _reserve(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> No
     if not restoring:
         return
     arms = 1 + len(restoring)
-    experiment.recordings = min(KEPT, experiment.left // arms)
-    experiment.extra += experiment.recordings * arms
+    experiment.recordings = min(KEPT, experiment.runner.left // arms)
+    experiment.runner.extra += experiment.recordings * arms
     if experiment.recordings < KEPT:
         left_out = f"{KEPT - experiment.recordings} of {KEPT} recordings of each arm that restores"
         experiment.not_played.append(left_out)
@@ -388,7 +382,7 @@ def _perturbed(
         return {}
     runner, seed, n = experiment.runner, experiment.confirm_seed, min(experiment.confirm, FEWEST)
     wanted = list(perturbations_of(experiment.setup, experiment.contract, seen, kinds, agents))
-    few = wanted[: int(PERTURBED * experiment.left) // n]
+    few = wanted[: int(PERTURBED * experiment.runner.left) // n]
     if len(few) < len(wanted):
         experiment.not_played.append(f"{len(wanted) - len(few)} of {len(wanted)} perturbations")
     runner.play([ArmOrder(one.name, one.setup, seed, range(n)) for one in few])

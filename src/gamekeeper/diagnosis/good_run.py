@@ -75,8 +75,6 @@ def compared(
             runner,
             _score(conditions, contract),
             options.part,
-            options.episodes,
-            options.budget,
             (
                 fresh_seed(one.fingerprint, options.seed, "search differences"),
                 fresh_seed(one.fingerprint, options.seed, "confirm differences"),

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.diagnosis.trials import ENVIRONMENT, POLICY, IdealSubstitute
+from gamekeeper.diagnosis.trials import (
+    CONTROL,
+    ENVIRONMENT,
+    PERCEPTION,
+    POLICY,
+    TIMING,
+    IdealSubstitute,
+)
 from gamekeeper.diagnosis.undos import MESSAGES
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
@@ -33,6 +40,9 @@ CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
 Successes = NDArray[np.float64]
 """[episodes] 1 where the episode didn't fail, paired by seed between arms."""
 
+EITHER: Final = f"{PERCEPTION} or {CONTROL}"
+OR_DRAWN: Final = f"{TIMING} or what it draws"
+"""Places of a fault that are shown where an undo leaves its label open."""
 ALPHA: Final = 0.05
 EXPECTED: Final = 0.9
 """The share of episodes that succeed where nothing is wrong, unless told otherwise."""
@@ -318,7 +328,9 @@ def _of_singles(
 ) -> ScopeFinding:
     substitutes = _with_peers([one.substitute for one in least], tried)
     if len({one.component for one in substitutes}) > 1:  # then the other boundary has its undo
-        substitutes = tuple(replace(one, is_either=False) for one in substitutes)
+        substitutes = tuple(
+            replace(one, open_as="") if one.open_as == EITHER else one for one in substitutes
+        )
     # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     answer, why = _answer_of(substitutes, rivals, tried)
@@ -392,7 +404,9 @@ def _undone_by(substitutes: Sequence[IdealSubstitute]) -> str:
             f"{why}: as several exchanges of one field do alike, none is shown to be taken for "
             "another; what its policy does with that field may be wrong"
         )
-    if substitutes[0].is_either:
+    if substitutes[0].open_as == OR_DRAWN:
+        return f"{why}: it is {substitutes[0].shown}; an action that is held also hides draws"
+    if substitutes[0].open_as:
         return (
             f"{why}: it is {substitutes[0].shown}; no undo of the other boundary that was tried "
             "could do the same"
@@ -427,6 +441,11 @@ def _beside_policies(
     if more:
         names = " or ".join(one.name for one in more)
         why += f"; {names} restores more: something else of its policy may be wrong too"
+    if more and finding.answer == "isolated":  # a part that makes up for some of it is no cause
+        wider = tuple(
+            one if one.undo is None else replace(one, open_as=POLICY) for one in finding.substitutes
+        )
+        finding = replace(finding, substitutes=wider, labels=())
     return replace(finding, why=why, beside=tuple(found))
 
 

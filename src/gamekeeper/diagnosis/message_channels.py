@@ -279,7 +279,8 @@ def between(
     touched = set(undo.places[:1] if is_value else undo.places)
     if undo.component == "perception" and touched:
         for one in channels:
-            mine = {f for each in channels if _is_same_way(each, one) for f in each.fields}
+            way = (one.source, one.to)
+            mine = {f for x in channels if (x.source, x.to) == way for f in x.fields}
             if one.to == agent and touched <= mine:
                 return one.source, agent
     if undo.component == "control":
@@ -292,7 +293,3 @@ def between(
         late = [one for one in channels if one.to == agent and (one.lag or not one.is_whole)]
         return (late[0].source, agent) if late else ()
     return ()
-
-
-def _is_same_way(one: MessageChannel, two: MessageChannel) -> bool:
-    return (one.source, one.to) == (two.source, two.to)

@@ -372,7 +372,8 @@ def options_at(
         if offer is not None:
             offer.take(*inputs[agent])
             yield from _others(offer, agent, action, rng)
-        is_short = offer is not None and _is_listed(offer)
+        space = None if offer is None else offer.space
+        is_short = isinstance(space, Discrete) and int(space.n) <= MOST_LEGAL
         if reference is not None and not is_short:
             yield ActionOption(agent, REFERENCE, reference.act(agent, *inputs[agent]))
 
@@ -383,10 +384,6 @@ def reference_of(env: Any, contract: Contract) -> JointPolicy | None:
     if not isinstance(own, Mapping) or REFERENCE not in own:
         return None
     return cast_of(REFERENCE, env, contract)
-
-
-def _is_listed(offer: Offer) -> bool:
-    return isinstance(offer.space, Discrete) and int(offer.space.n) <= MOST_LEGAL
 
 
 def _others(

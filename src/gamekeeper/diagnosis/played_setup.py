@@ -11,6 +11,7 @@ from os import PathLike
 from typing import Any, Final, Self
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.plain_data import frozen, plain
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.canonical import from_json, is_exact, to_json
 from gamekeeper.episodes.evidence import Evidence
@@ -93,16 +94,8 @@ class Setup:
         named = all(isinstance(policy, str) for policy in self.policies.values())
         if not (isinstance(self.spec, str) and named and is_exact(text)):
             raise object_of_this_process("workers", self.spec, NAMES)
-        return {
-            "spec": self.spec,
-            "given": text,
-            "policies": dict(self.policies),
-            "forgets": list(self.forgets),
-            "renews": list(self.renews),
-            "most_turns": self.most_turns,
-            "change": None if self.change is None else self.change.to_json(),
-            "undos": [each.to_json() for each in self.undos],
-        }
+        names = ("spec", "policies", "forgets", "renews", "most_turns", "change", "undos")
+        return {"given": text, **{name: plain(getattr(self, name)) for name in names}}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Setup:
@@ -111,17 +104,14 @@ class Setup:
         kwargs, options, settings, layers = given
         change = data["change"]
         return cls(
-            spec=data["spec"],
             kwargs=kwargs,
             options=tuple(options),
-            policies=data["policies"],
             settings=settings,
             layers=layers,
-            forgets=tuple(data["forgets"]),
-            renews=tuple(data["renews"]),
-            most_turns=data["most_turns"],
             change=None if change is None else Intervention.from_json(change),
             undos=tuple(map(BoundaryUndo.from_json, data["undos"])),
+            **{name: frozen(data[name]) for name in ("spec", "policies", "forgets", "renews")},
+            most_turns=data["most_turns"],
         )
 
 
@@ -375,7 +365,7 @@ class OpenSetup:
         return found
 
     def plan(self, run_seed: int, episode: int) -> EpisodePlan:
-        """What episode number `episode` of a run is played by; objects that it renews are new."""
+        """Plan of an episode of a run; objects that the set-up renews are new."""
         if self._renew is not None:
             self._renew()
         options = self.setup.options

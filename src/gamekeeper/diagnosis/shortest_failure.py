@@ -14,7 +14,7 @@ from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.diagnosis.played_setup import recorder_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
-from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures
+from gamekeeper.episodes.outcome import TEAM, failed, failures
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import Opened, open_env, reopen
@@ -127,7 +127,7 @@ class _Search:
         self._conditions = failures(contract, condition, evidence.episodes)
         env.reset(seed=0)
         self.play = play_of(trace, env, evidence.manifest.get("action_types"))
-        whole = self._outcome(self.play)
+        whole = tally(self.play, env, contract=contract)
         told = failed(whole, self._conditions, contract)
         failing = [each for each in sorted(told, key=lambda each: each != TEAM) if told[each]]
         if not failing or (scope is not None and scope not in failing):
@@ -155,7 +155,7 @@ class _Search:
         self._left -= 1
         if self.on_message is not None:
             self.on_message({"episode": TRIES - self._left, "episodes": TRIES})
-        outcome = self._outcome(play)
+        outcome = tally(play, self._env, contract=self._contract)
         return (
             outcome.is_over == self.whole.is_over
             and outcome.error == self.whole.error
@@ -177,9 +177,6 @@ class _Search:
             actions=short,
             seed=play.seed,
         )
-
-    def _outcome(self, play: EpisodePlan) -> Outcome:
-        return tally(play, self._env, contract=self._contract)
 
     def _acts(self, actions: Sequence[Actions]) -> int:
         """Actions that are no noops; where none is declared, all of them."""

@@ -1,7 +1,4 @@
-"""Trials of a diagnosis: each is a set-up with one thing at its ideal, or with one thing worse.
-
-An ideal substitute can isolate a cause; a perturbation shows dependence, never a cause.
-"""
+"""Trials of a diagnosis: set-ups with one thing at its ideal, which can isolate a cause."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, Literal
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
@@ -22,7 +19,6 @@ from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import LABELS, members_of
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.policy import REFERENCE
-from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS
 
@@ -65,7 +61,7 @@ class IdealSubstitute:
             whatever else restores.
         parts: of several at once, those.
         between: of an undo that touches messages alone: their speaker, then those that hear them.
-        is_either: it is an undo, and none at the other boundary of its agents could do the same.
+        open_as: place of the fault in words, where an undo leaves its label open.
     """
 
     name: str
@@ -77,7 +73,7 @@ class IdealSubstitute:
     cut_off: Literal["declared", "default", "later"] | None = None
     parts: tuple[IdealSubstitute, ...] = ()
     between: tuple[str, ...] = ()
-    is_either: bool = False
+    open_as: str = ""
 
     @property
     def undo(self) -> BoundaryUndo | None:
@@ -97,20 +93,14 @@ class IdealSubstitute:
 
     @property
     def is_gain(self) -> bool:
-        """Tells whether it enlarges all of an observation, and so drowns what is added to it.
-
-        That makes up for other units, errors in what is computed with it, and weak actions.
-        """
+        """Tells whether it enlarges an observation: for units, errors in it, weak actions."""
         undo = self.undo
         is_all = undo is not None and undo.way == "rescale fields" and not undo.places
         return undo is not None and is_all and 1 < undo.amount < PIXELS
 
     @property
     def is_offset(self) -> bool:
-        """Tells whether it adds a constant to one number, or multiplies it by one.
-
-        A wrong sensor, action and aim may all need that.
-        """
+        """Tells whether it adds a constant to a number, or multiplies it: sensor, action or aim."""
         undo = self.undo
         is_scale = undo is not None and undo.way in ("rescale fields", "rescale axes")
         return undo is not None and (undo.way in SHIFTS or (is_scale and bool(undo.places)))
@@ -118,7 +108,7 @@ class IdealSubstitute:
     @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
-        if self.between or self.is_gain or self.is_offset or self.is_either:
+        if self.between or self.is_gain or self.is_offset or self.open_as:
             return ()
         if self.is_pair:
             named = {label for part in self.parts for label in part.labels}
@@ -162,8 +152,8 @@ class IdealSubstitute:
         if self.component == MESSAGES and self.undo is not None:
             names = f"{self.undo.names[0]} to {joined_names(self.undo.agents)}"
             return f"messages from {names}, late or lost on their way"
-        if self.is_either:
-            return f"{whose}{PERCEPTION} or {CONTROL}"
+        if self.open_as:
+            return f"{whose}{self.open_as}"
         names, is_one = joined_names(self.agents), len(self.agents) == 1
         words = {
             POLICY: f"{whose}{'policy' if is_one else 'policies'}",
@@ -291,8 +281,7 @@ def swaps_of(
     """Policies that a user names in place of agents' own, an agent at a time.
 
     Args:
-        replacements: by agent, by role, or under `*` for every agent.
-        agents: all of them.
+        replacements: by agent, by role, or under `*` for every agent of `agents`.
     Raises:
         EvidenceError: a name is no agent and no role.
     """
@@ -316,8 +305,7 @@ def peers_of(
     """For each agent the policies of others of its role, where they have others; a few each.
 
     Then each of these in the place of all of the role that have another one. Agents that neither
-    a declared role nor their names join with any other are peers where `env` gives them equal
-    spaces.
+    contract nor names join with any other are peers where `env` gives them equal spaces.
     """
     groups: dict[tuple[str, str], list[IdealSubstitute]] = {}
     roles = _roles_of(contract, agents, env)
@@ -436,21 +424,20 @@ def undone(
     undo: BoundaryUndo,
     wider: Iterable[BoundaryUndo] = (),
     between: tuple[str, ...] = (),
-    *,
-    is_either: bool = False,
+    open_as: str = "",
 ) -> IdealSubstitute:
     """An undo as a substitute; one of several agents makes up for the same one of each.
 
     Args:
         wider: the undos that may be such of fewer agents.
         between: the speaker and the listeners of the messages that it touches alone.
-        is_either: no undo at the other boundary of its agents could do the same.
+        open_as: place of the fault in words, where its label stays open.
     """
     alone = [each for each in wider if set(each.agents) < set(undo.agents)]
     inner = {str(each) for each in alone if replace(each, agents=undo.agents) == undo}
     agents = () if undo.component == MESSAGES else undo.agents
     found = IdealSubstitute(str(undo), undo.component, agents, (("undo", "", "", undo),))
-    return replace(found, contains=frozenset(inner), between=between, is_either=is_either)
+    return replace(found, contains=frozenset(inner), between=between, open_as=open_as)
 
 
 def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
@@ -459,8 +446,7 @@ def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitu
     A cut-off that comes later makes up for anything that is slow, the default one among them.
     """
     everything = frozenset(one.name for one in substitutes)
-    within_policies = (MEMORY, CARRIED)
-    undos = [o for o in substitutes if o.undo is not None or o.component in within_policies]
+    undos = [o for o in substitutes if o.undo is not None or o.component in (MEMORY, CARRIED)]
     for one in substitutes:
         if one.cut_off in ("default", "later"):
             later = {each.name for each in substitutes if each.cut_off == "later"}
@@ -511,100 +497,3 @@ def joined_names(names: Sequence[str]) -> str:
     """Names as `a, b and c`."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
-
-
-WORSE: Final = ("noop", "random", "greedy")
-"""Policies that may take an agent's place: two of ours, and one that tasks may bring."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PerturbationArm:
-    """One thing of one agent made worse.
-
-    Attributes:
-        name: of its arm.
-        label: the failure that it stands for.
-        agent: whose; `*`: everybody's.
-        setup: with it.
-    """
-
-    name: str
-    label: str
-    agent: str
-    setup: Setup
-
-
-def perturbations_of(
-    setup: Setup,
-    contract: Contract,
-    seen: SetupTraits,
-    kinds: Mapping[str, type[Intervention]],
-    agents: Sequence[str],
-) -> Iterator[PerturbationArm]:
-    """Every perturbation for every agent: first one of each label for all agents, then the next.
-
-    Args:
-        kinds: changes that are perturbations, by name.
-        agents: those that acted.
-    """
-    by_label = {
-        label: list(_of_label(label, setup, contract, seen, kinds, agents)) for label in LABELS
-    }
-    depth = max((len(rows) for rows in by_label.values()), default=0)
-    for place in range(depth):
-        for rows in by_label.values():
-            if place < len(rows):
-                yield from rows[place]
-
-
-def _of_label(
-    label: str,
-    setup: Setup,
-    contract: Contract,
-    seen: SetupTraits,
-    kinds: Mapping[str, type[Intervention]],
-    agents: Sequence[str],
-) -> Iterator[list[PerturbationArm]]:
-    if label == PLANNING:
-        for way in WORSE:
-            yield [
-                PerturbationArm(
-                    f"giving {agent} the policy {way}", label, agent, setup.with_policy(agent, way)
-                )
-                for agent in agents
-                if setup.policy_of(agent, contract) not in (way, None)
-                and _is_known(way, agent, contract, seen)
-            ]
-    yield list(_for_all(label, setup, contract))
-    for name, kind in kinds.items():
-        if kind.label == label:
-            fit = [agent for agent in agents if (name, agent) not in seen.unfit]
-            changed = [replace(setup, change=_usual(kind, agent)) for agent in fit]
-            yield [
-                PerturbationArm(f"{name}[{agent}]", label, agent, worse)
-                for agent, worse in zip(fit, changed, strict=True)
-            ]
-
-
-def _is_known(way: str, agent: str, contract: Contract, seen: SetupTraits) -> bool:
-    """Tells whether the agent has such a policy: the environment's, a random one, a noop."""
-    if way == "noop" and way not in seen.ways:
-        return contract.noop_of(agent) is not None
-    return way == "random" or way in seen.ways
-
-
-def _for_all(label: str, setup: Setup, contract: Contract) -> Iterator[PerturbationArm]:
-    """Perturbations of all agents: knobs at their worst, half the time."""
-    for name, knob in contract.knobs.items():
-        is_ideal = setup.kwargs.get(name, knob.ideal) == knob.ideal
-        if knob.label == label and knob.worst is not None and not knob.of and is_ideal:
-            worse = replace(setup, kwargs={**setup.kwargs, name: knob.worst})
-            yield PerturbationArm(f"{name} = {knob.worst}", label, EVERYBODY, worse)
-    turns = setup.most_turns if setup.typical_turns is None else setup.typical_turns // 2
-    if label == EVALUATION and 0 < turns < setup.most_turns:
-        cut = replace(setup, most_turns=turns)
-        yield PerturbationArm(f"cut after {turns} turns", label, EVERYBODY, cut)
-
-
-def _usual(kind: Any, agent: str) -> Intervention:
-    return cast(Intervention, kind(agents=(agent,), strength=kind.USUAL))

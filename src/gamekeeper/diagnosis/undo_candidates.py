@@ -41,6 +41,8 @@ SHIFTED: Final = 4
 NONE: Final = frozenset[str]()
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
+DRAWN: Final = 0.05
+"""Part of the actions from which on a policy counts as one that draws them."""
 Candidate: TypeAlias = tuple[int, BoundaryUndo]
 """An undo and its tier: lower ones are tried first."""
 
@@ -191,7 +193,7 @@ def call_undos(
     """Undos of when policies are asked: a lag only where one was measured, draws where it draws."""
     for lag in sorted({lag for lag in lags if lag > 0}):
         yield 0, BoundaryUndo(agents, "settle", amount=float(lag))
-    if randomness >= 0.05:
+    if randomness >= DRAWN:
         yield 0, BoundaryUndo(agents, "commonest", amount=float(COMMONEST_OF))
     for turns in HOLDS:
         yield 0, BoundaryUndo(agents, "hold", amount=float(turns))
@@ -291,12 +293,6 @@ def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
     return [*several, *((agent,) for agent in agents)]
 
 
-def _like(stage: OpenSetup, agent: str, seen: Mapping[str, Sequence[Any]]) -> list[str]:
-    """The agents with an agent's observation space, of which observations are known."""
-    space = str(observation_space(stage.env, agent))
-    return [one for one in seen if str(observation_space(stage.env, one)) == space]
-
-
 def _of_group(
     stage: OpenSetup,
     group: tuple[str, ...],
@@ -315,7 +311,8 @@ def _of_group(
     deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
     if observed is not None:
         fields = observed_fields(stage.contract, group[0], observed)
-        known = [each for agent in _like(stage, group[0], seen) for each in seen[agent]]
+        alike = [a for a in seen if str(observation_space(stage.env, a)) == str(observed)]
+        known = [each for agent in alike for each in seen[agent]]
         for tier, undo in observation_undos(group, fields, NONE if is_still else deaf):
             # what was recorded may lie beyond what it reacts to only where it reads another field
             is_apt = tier <= 1 and undo.way == "exchange fields" if is_still else True

@@ -7,7 +7,7 @@ from itertools import combinations, islice, pairwise, product
 from typing import Any, Final
 
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
-from gamekeeper.diagnosis.judgement import SCALES, ScopeFinding, is_failing
+from gamekeeper.diagnosis.judgement import EITHER, OR_DRAWN, SCALES, ScopeFinding, is_failing
 from gamekeeper.diagnosis.message_channels import (
     MOST_AGENTS,
     PROBED,
@@ -17,10 +17,9 @@ from gamekeeper.diagnosis.message_channels import (
     deliveries,
 )
 from gamekeeper.diagnosis.played_setup import OpenSetup
-from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of
-from gamekeeper.diagnosis.responses import responses_of
+from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of, responses_of
 from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, joined, peers_of, undone
-from gamekeeper.diagnosis.undo_candidates import candidates_of, is_either
+from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.interventions.fields import acted_fields
@@ -64,12 +63,12 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     failing = _failing(experiment, scopes)
     if not failing or experiment.is_broken_off:
         return {}
-    if experiment.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
+    if experiment.runner.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
         experiment.not_played.append("undos from outside")
         return {}
     with OpenSetup(experiment.setup, experiment.contract) as stage:
         fed = [stage.played(experiment.search_seed, episode).trace for episode in failing[:FED]]
-        experiment.extra += len(fed)
+        experiment.runner.extra += len(fed)
         named = [agent_name(agent) for agent in getattr(stage.env, "possible_agents", ())]
         agents = _suspects(experiment, scopes, named)
         responses = responses_of(stage, fed, named, seed=experiment.seed)
@@ -78,7 +77,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             for one in peers_of(experiment.setup, experiment.contract, named, stage.env)
             if one.agents[0] in agents
         ]
-        experiment.undos = peers[: experiment.left // (2 * ROUNDS[1])]
+        experiment.undos = peers[: experiment.runner.left // (2 * ROUNDS[1])]
         ranked = ranked_undos(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
         replaced = {one.agents[0] for one, share in ranked.items() if share >= RIVAL}
         undos = candidates_of(
@@ -87,7 +86,9 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             [a for a in agents if a in replaced or not replaced],
             _seen([*fed, *islice(episodes, RECORDED)], named),
         )
-        either = {undo for undo in undos if is_either(stage, undo)}
+        open_as = {undo: EITHER for undo in undos if is_either(stage, undo)}
+        held = (undo for undo in undos if undo.way == "hold" and _draws(undo.agents, responses))
+        open_as |= dict.fromkeys(held, OR_DRAWN)
         axes = {
             agent: len(acted_fields(space))
             for agent in named
@@ -96,8 +97,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     channels = _channels(experiment, named)
     undos = [*deliveries(channels), *undos]
     touched = [
-        undone(undo, undos, between(undo, channels, axes), is_either=undo in either)
-        for undo in undos
+        undone(undo, undos, between(undo, channels, axes), open_as.get(undo, "")) for undo in undos
     ]
     renewals = [one for one in experiment.renewals if set(one.agents) & {*agents}]
     candidates = [*experiment.undos, *renewals, *touched]
@@ -105,6 +105,12 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     if all(experiment.finding(each).answer in NONE for each in scopes):
         search_pairs(experiment, touched, failing, scopes, aside=ASIDE)
     return responses
+
+
+def _draws(agents: Iterable[str], responses: Mapping[str, ResponseTest]) -> bool:
+    """Tells whether a policy of these agents draws its actions."""
+    known = [responses[agent] for agent in agents if agent in responses]
+    return any(each.randomness >= DRAWN for each in known)
 
 
 def _seen(episodes: Sequence[Episode], agents: Sequence[str]) -> dict[str, list[Any]]:
@@ -123,9 +129,9 @@ def _seen(episodes: Sequence[Episode], agents: Sequence[str]) -> dict[str, list[
 def _channels(experiment: Experiment, agents: Sequence[str]) -> tuple[MessageChannel, ...]:
     """Messages between agents, where the budget has room to look for them."""
     cost = PROBED * len(agents) if 1 < len(agents) <= MOST_AGENTS else 0
-    if not cost or experiment.left < cost + 2 * experiment.confirm:
+    if not cost or experiment.runner.left < cost + 2 * experiment.confirm:
         return ()
-    experiment.extra += cost
+    experiment.runner.extra += cost
     setup, contract = experiment.setup, experiment.contract
     seed = fresh_seed(experiment.fingerprint, experiment.seed, "messages")
     return channels_of(setup, contract, agents, seed=seed)
@@ -176,7 +182,7 @@ def search(
         failing: searched episodes that fail as it is.
         scopes: for which a success counts.
     """
-    room = int(UNDONE * experiment.left)
+    room = int(UNDONE * experiment.runner.left)
     count = min(max(room // (3 * experiment.confirm), 1), CONFIRMED)
     later = room // 4
     most = max((room - count * experiment.confirm - later) // ROUNDS[0], 0)
@@ -197,7 +203,7 @@ def search(
         each = max(min(until, len(failing)) - at, 1)
         cap = later // (len(ROUNDS) - 1) // each
         if until == at:
-            affordable = (experiment.left - ASIDE) // experiment.confirm
+            affordable = (experiment.runner.left - ASIDE) // experiment.confirm
             cap = max(count, min(affordable, CONFIRMED))
         rivals += [one for one in kept[cap:] if ranked[one] >= RIVAL]
         pool = kept[:cap]
@@ -235,7 +241,7 @@ def _beside(
     """
     whose = {one.agents for one in pool}
     found = [one for one in rivals if one.component == POLICY and one.agents in whose]
-    has_room = experiment.left - ASIDE >= experiment.confirm * (len(pool) + 1)
+    has_room = experiment.runner.left - ASIDE >= experiment.confirm * (len(pool) + 1)
     return found[:1] if has_room and not any(one.component == POLICY for one in pool) else []
 
 
@@ -247,7 +253,7 @@ def _with_parts(experiment: Experiment, pool: Sequence[IdealSubstitute]) -> list
     renewed = {part for one in experiment.renewals for part in one.parts}
     parts = [part for one in pool for part in one.parts if part in renewed]
     parts = [part for part in dict.fromkeys(parts) if part not in pool]
-    if experiment.confirm * (len(pool) + len(parts)) <= experiment.left - ASIDE:
+    if experiment.confirm * (len(pool) + len(parts)) <= experiment.runner.left - ASIDE:
         return [*pool, *parts]
     return [one for one in pool if not {*one.parts} & {*parts}]
 
@@ -278,7 +284,7 @@ def _other_boundaries(
     other += [o for o in rest if o.agents in whose and o not in other]
     same = len(other)
     other += [o for o in rest if best and o not in other]
-    room = experiment.left - count * experiment.confirm - later - ASIDE
+    room = experiment.runner.left - count * experiment.confirm - later - ASIDE
     more = other[: max(room // ROUNDS[0], 0)]
     left = [one for one in rest if one not in more]
     return more, left, [one for one in other[:same] if one not in more]
@@ -377,7 +383,7 @@ def search_pairs(
     ranked = list(ranked_undos(experiment, known, failing[:1], scopes))
     pairs = pairs_of(ranked)
     reserve = aside + RESERVED * experiment.confirm
-    most = max(min(experiment.left - reserve, MOST_PAIRS), 0)
+    most = max(min(experiment.runner.left - reserve, MOST_PAIRS), 0)
     tried: dict[str, IdealSubstitute] = {}
     found: list[IdealSubstitute] = []
     for at in range(0, most, BATCH):
@@ -413,7 +419,7 @@ def _screened(
     tried: dict[str, IdealSubstitute],
 ) -> list[IdealSubstitute]:
     """Those of the pairs that restore on ever more failing seeds, the best first."""
-    room = experiment.left - RESERVED * experiment.confirm
+    room = experiment.runner.left - RESERVED * experiment.confirm
     left = list(pairs[: max(room, 0)])
     tried |= {one.name: one for one in left}
     experiment.groups |= tried
@@ -431,7 +437,7 @@ def _confirm_pairs(experiment: Experiment, pairs: Sequence[IdealSubstitute], asi
     arms: list[IdealSubstitute] = []
     for one in list(kinds.values())[:CONFIRMED_PAIRS]:
         more = [each for each in (*one.parts, one) if each not in (*experiment.undos, *arms)]
-        if (len(arms) + len(more)) * experiment.confirm <= experiment.left - aside:
+        if (len(arms) + len(more)) * experiment.confirm <= experiment.runner.left - aside:
             arms += more
     experiment.undos = [*experiment.undos, *arms]
     names = [one.name for one in arms]

@@ -194,7 +194,9 @@ class UndoneCast:
         if undo.way == "settle":
             return self._cast.asked(agent, observation, info, times + 2, anew=False)[-1]
         if undo.way == "commonest":
-            return _commonest(self._cast.asked(agent, observation, info, times, anew=True))
+            draws = self._cast.asked(agent, observation, info, times, anew=True)
+            keys = [repr(np.asarray(each).tolist()) for each in draws]
+            return draws[keys.index(Counter(keys).most_common(1)[0][0])]  # of equals the first
         action = self._cast.act(agent, observation, info)
         if undo.way == "hold":
             count, held = self._held.get(agent, (0, None))
@@ -250,12 +252,6 @@ class MessageWay:
         read = [each.read(action) for each in self._axes]
         self._said = None if None in read else [x for x in read if x is not None]
         return action
-
-
-def _commonest(draws: Sequence[Any]) -> Any:
-    """The action that was drawn most often; of equals the first."""
-    keys = [repr(np.asarray(each).tolist()) for each in draws]
-    return draws[keys.index(Counter(keys).most_common(1)[0][0])]
 
 
 def _boundary(

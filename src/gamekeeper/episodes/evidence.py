@@ -318,7 +318,9 @@ class Evidence:
         alert = f"{self.not_whole}\n" if self.not_whole else ""
         alert += f"Level {self.kept_text}\n" if self.kept_text else ""
         alert += f"{self.retained_text}\n" if self.retained_text else ""
-        return f"{self.episode_table.num_rows} episodes of {name} ({where})\n{alert}{self.summary}"
+        count = self.episode_table.num_rows
+        episodes = f"{count} episode{'s' * (count != 1)}"
+        return f"{episodes} of {name} ({where})\n{alert}{self.summary}"
 
     def __repr__(self) -> str:
         where = "in memory" if self.path is None else f"in {str(self.path)!r}"

@@ -1,12 +1,10 @@
 """Outcome of one episode, agent by agent, and the conditions under which it counts as failed."""
 
-from __future__ import annotations
-
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Any, Final, Literal, Self, TypeAlias, get_args
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure, Value
@@ -63,7 +61,7 @@ class Outcome:
         return fields_json(self)
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Outcome:
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
         """The outcome that `to_json` wrote."""
         return cls(**data)
 

@@ -15,7 +15,6 @@ from gamekeeper.evaluation.episode_rows import Success, rows_of, table_of
 from gamekeeper.evaluation.evaluator import judged_of
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import Match, matches_of
-from gamekeeper.evaluation.results import curves_of
 from gamekeeper.evaluation.spec import CrossplaySpec, EnvironmentSpec, PolicySpec, Spec, StopSpec
 
 NEAR: Final = 1e-9
@@ -91,16 +90,8 @@ def worked_out(
     looks = {name: _look(document, name, runs) for name in spec.environments}
     matches = matches_of(spec, looks, is_here=True)
     rows = [row for match in matches for row in _rows(spec, match, looks, runs)]
-    judged = judged_of(spec, looks, matches, table_of(rows))
-    return figures_in(
-        {
-            "results": judged.results,
-            "comparisons": judged.comparisons,
-            "curves": curves_of(spec, judged.results),
-            "crossplay": judged.crossplay,
-            "overall": judged.overall,
-        }
-    )
+    figures, _, _ = judged_of(spec, looks, matches, table_of(rows))
+    return figures_in(figures)
 
 
 def _rows(

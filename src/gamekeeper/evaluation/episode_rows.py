@@ -1,13 +1,11 @@
 """Raw episodes as rows: one an agent and episode, and the columns that they have."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2b
 from itertools import pairwise
 from math import isfinite
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 import pyarrow as pa
@@ -234,7 +232,7 @@ class Sheet:
     failed_return: float | None = None
 
     @classmethod
-    def of(cls, table: pa.Table) -> Sheet:
+    def of(cls, table: pa.Table) -> Self:
         """The sheet of a line-up's rows."""
         agents = table["agent"].combine_chunks().dictionary_encode()
         names = tuple(agents.dictionary.to_pylist())

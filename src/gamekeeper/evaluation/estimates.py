@@ -1,7 +1,5 @@
 """Intervals as results have them, or the reason why there is none."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
@@ -38,6 +36,39 @@ POINT: Final[dict[str, Callable[[FloatArray], Any]]] = {
     "iqm": interquartile_mean,
     "median": np.median,
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A comparison with what it rests on.
+
+    Attributes:
+        difference: with its interval; None where there is no figure.
+        improvement: the probability that the first is above the second; None where it isn't known.
+        n: pairs of episodes, or training runs.
+        total: episodes that were played.
+        lost: of these, how many broke off.
+        seeds: that all runs have in common; None where episodes are the unit.
+    """
+
+    difference: dict[str, Any] | None
+    improvement: dict[str, Any] | None
+    n: int
+    total: int
+    lost: int
+    seeds: int | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as it stands in a row of comparisons."""
+        used = self.n if self.seeds is None else self.seeds
+        return {
+            "n": self.n,
+            "episodes": used,
+            "of_episodes": self.total,
+            "broken": self.lost,
+            "difference": self.difference,
+            "improvement": self.improvement,
+        }
 
 
 class Judge:
@@ -326,39 +357,6 @@ class Judge:
         asked = f"; needed: {error.expected}" if error.expected else ""
         step = f". Next: {error.fix}" if error.fix else ""
         self.refuse(what, f"{error.what}{asked}{step}", of, error.actual or "")
-
-
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """A comparison with what it rests on.
-
-    Attributes:
-        difference: with its interval; None where there is no figure.
-        improvement: the probability that the first is above the second; None where it isn't known.
-        n: pairs of episodes, or training runs.
-        total: episodes that were played.
-        lost: of these, how many broke off.
-        seeds: that all runs have in common; None where episodes are the unit.
-    """
-
-    difference: dict[str, Any] | None
-    improvement: dict[str, Any] | None
-    n: int
-    total: int
-    lost: int
-    seeds: int | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data, as it stands in a row of comparisons."""
-        used = self.n if self.seeds is None else self.seeds
-        return {
-            "n": self.n,
-            "episodes": used,
-            "of_episodes": self.total,
-            "broken": self.lost,
-            "difference": self.difference,
-            "improvement": self.improvement,
-        }
 
 
 def _enough_left(lost: int, total: int) -> None:

@@ -1,11 +1,9 @@
 """Result of an evaluation, as frozen data: the document that others read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from html import escape
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -75,7 +73,7 @@ class Evaluation:
         return {"kind": KIND, **found, **lists}
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Evaluation:
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Inverse of `to_json`.
 
         Raises:

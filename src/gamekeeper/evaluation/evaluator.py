@@ -4,7 +4,7 @@ import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -199,22 +199,22 @@ def _evaluated(
     note(_said_of(played, episodes * len(matches)))
     table, told = course.merge(matches, episodes)
     evidence = course.keep(matches, episodes) if spec.record else []
-    judged = judged_of(spec, looks, matches, table)
-    grounds, comparisons, crossed = judged.grounds, judged.comparisons, judged.crossplay
+    figures, grounds, judge = judged_of(spec, looks, matches, table)
     stopped = None if stopping is None else stopping.to_json(episodes)
-    _keep_payoffs(crossed, course.storage)
-    judge = judged.judge
+    _keep_payoffs(figures["crossplay"], course.storage)
     _refuse_unrepeated(judge, evidence)
     notes = notes_of(
         spec,
         episodes=episodes,
         stopping=stopped,
-        comparisons=comparisons,
-        crossplay=crossed,
+        comparisons=figures["comparisons"],
+        crossplay=figures["crossplay"],
         failures=failures_of(table),
         unpinned=strange,
         grounds=grounds,
     )
+    figures["results"] = tuple(_with_sequences(figures["results"], stopped))
+    figures["comparisons"] = tuple(figures["comparisons"])
     found = Evaluation(
         name=spec.name,
         suite=_suite(spec, looks, strange),
@@ -222,54 +222,42 @@ def _evaluated(
         level=spec.level,
         environments=_environments(spec, looks),
         policies=_policies(spec, looks),
-        results=tuple(_with_sequences(judged.results, stopped)),
-        comparisons=tuple(comparisons),
-        curves=curves_of(spec, judged.results),
-        overall=judged.overall,
-        crossplay=crossed,
         stopping=stopped,
         refused=tuple(judge.refused),
-        claims=tuple(claims_of(comparisons)),
+        claims=tuple(claims_of(figures["comparisons"])),
         notes=tuple(notes),
         episodes=episodes,
         fingerprint=told["fingerprint"],
         evidence=tuple(evidence),
         spec=spec.to_json(),
+        **figures,
     )
     return found, grounds
 
 
-@dataclass(frozen=True, slots=True)
-class JudgedEpisodes:
-    """Figures of an evaluation, worked out from its raw episodes.
-
-    Attributes:
-        grounds: each environment's share.
-        results, comparisons, crossplay, overall: as an `Evaluation` has them.
-        judge: knows what was refused.
-    """
-
-    grounds: list[Ground]
-    results: list[dict[str, Any]]
-    comparisons: list[dict[str, Any]]
-    crossplay: dict[str, Any]
-    overall: dict[str, Any]
-    judge: Judge
-
-
 def judged_of(
     spec: Spec, looks: Mapping[str, Inspection], matches: Sequence[Match], table: pa.Table
-) -> JudgedEpisodes:
-    """Figures, intervals and comparisons over raw episodes; nothing is played or opened."""
+) -> tuple[dict[str, Any], list[Ground], Judge]:
+    """Figures, intervals and comparisons over raw episodes; nothing is played or opened.
+
+    Returns:
+        The figures as an `Evaluation` has them, each environment's share, and the judge, which
+        knows what was refused.
+    """
     judge = Judge(spec.level, spec.seed)
     sheets = _sheets(spec, table)
     grounds = _grounds(spec, looks, matches, sheets)
     results = [row for ground in grounds for row in results_of(spec, ground, judge)]
     tables = _tables(spec, grounds, matches, sheets, judge)
     comparisons = comparisons_of(spec, grounds, tables, judge)
-    crossed = {name: _crossed(table, comparisons) for name, table in tables.items()}
-    overall = overall_of(spec, grounds, judge)
-    return JudgedEpisodes(grounds, results, comparisons, crossed, overall, judge)
+    figures: dict[str, Any] = {
+        "results": results,
+        "comparisons": comparisons,
+        "curves": curves_of(spec, results),
+        "crossplay": {name: _crossed(table, comparisons) for name, table in tables.items()},
+        "overall": overall_of(spec, grounds, judge),
+    }
+    return figures, grounds, judge
 
 
 def _sheets(spec: Spec, table: pa.Table) -> dict[tuple[str, str], Sheet]:

@@ -78,18 +78,12 @@ class EvaluationRun:
             tasks += [WorkTask(f"ready.{k}", READY) for k in others]
         with self._done(tasks) as ends:
             values = {done.key: self._value(done) for done in ends}
-        return {
-            name: Inspection(
-                **{
-                    **values[f"look.{k}"],
-                    "policies": {
-                        policy: tuple(digests)
-                        for policy, digests in values[f"look.{k}"]["policies"].items()
-                    },
-                }
-            )
-            for k, name in enumerate(asked)
-        }
+        found = {}
+        for k, name in enumerate(asked):
+            value = values[f"look.{k}"]
+            policies = {policy: tuple(digests) for policy, digests in value["policies"].items()}
+            found[name] = Inspection(**{**value, "policies": policies})
+        return found
 
     def _asked(self, name: str) -> dict[str, Any]:
         environment = self.spec.environments[name]

@@ -19,7 +19,6 @@ from gamekeeper.interface.distributions import FACTORY_NAMES
 GROUP: Final = "gamekeeper.suites"
 """Entry points whose objects are paths of TOML files."""
 FOLDER: Final = "suites"
-PINS: Final = ("digest", "digests", "version")
 
 
 def suites() -> dict[str, Path]:

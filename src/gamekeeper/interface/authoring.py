@@ -257,7 +257,7 @@ class Authored(AuthorCalls):
         cls._informs = cls.info is not Authored.info
         cls._pardons = cls.illegal is not Authored.illegal
         cls._trusts_ranges = not cls._masks
-        for name in GUARDED:
+        for name in GUARDED:  # what is inherited from an author's class has its guard already
             method = getattr(cls, name)
             if method.__module__ != "pettingzoo.utils.env" and not hasattr(method, "guards"):
                 setattr(cls, name, _guarded(name, method))

@@ -103,7 +103,7 @@ def _converted(value: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> Any:
         raise CastError(expected, f"shape {found.shape}", fix)
     with np.errstate(all="ignore"):  # what overflows isn't equal
         exact = found.astype(dtype)
-        same = (exact == found) | ((exact != exact) & (found != found))
+        same = (exact == found) | ((exact != exact) & (found != found))  # or NaN in both
     if not same.all():
         first = found[~same][0] if found.ndim else found[()]
         raise CastError(

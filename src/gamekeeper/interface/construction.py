@@ -85,7 +85,7 @@ def _fix(error: BaseException, pip: str) -> str:
         if not pip and any(Path(top + end).exists() for end in ("", ".py")):
             return (
                 f"'{top}' lies in the current folder, which only a module's imports look through: "
-                "name the environment as package.module:factory in place of a file"
+                "name it as package.module:NAME in place of a file"
             )
         line = pip or f"pip install {top}"
         return f"install what provides the module '{error.name}': {line}"

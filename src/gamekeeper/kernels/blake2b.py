@@ -18,7 +18,6 @@ from gamekeeper.kernels.compile_cache import compiled, key_of
 from gamekeeper.kernels.scalar_rules import OPTIONS, numba
 
 LANES: Final = 8
-BLOCK: Final = 128  # bytes
 FEW: Final = 64
 """So few messages aren't worth loading compiled code for."""
 FIRST: Final = np.array(

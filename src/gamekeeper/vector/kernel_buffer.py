@@ -371,8 +371,3 @@ def by_group(kernel: Kernel, name: str, whole: Any) -> Arrays:
 def group_of(name: str) -> int:
     """The group that an array of `by_group` is of."""
     return int(name.split(".")[1])
-
-
-def key_of(name: str) -> str:
-    """The key of a Dict observation that it holds; empty where it is the whole."""
-    return name.split(".", 2)[2] if name.count(".") > 1 else ""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.encoder import Encoder
 from gamekeeper.episodes.layout import Layout
-from gamekeeper.errors import ActionError, OrderError, SpecError
+from gamekeeper.errors import ActionError, SpecError
 from gamekeeper.kernels.batch import Batch
 from gamekeeper.kernels.blake2b import row_digests
 from gamekeeper.kernels.kernel import MASK, Kernel, KernelGroup
@@ -189,16 +189,7 @@ class KernelEngine:
         )
 
     def reset(self, seed: int, options: Any) -> Said:
-        """Begins a run; a kernel has no options, so they are only recorded.
-
-        Raises:
-            OrderError: the copies are being recorded, and were reset before.
-        """
-        if self._recorder is not None and self._recorder.is_begun:
-            raise OrderError(
-                "recorded sub-environments were reset a second time",
-                fix="close the vector environment, and make another one for another run",
-            )
+        """Begins a run; a kernel has no options, so they are only recorded."""
         self._batch.reset(seed)
         if self._recorder is not None:
             self._recorder.begin(options)

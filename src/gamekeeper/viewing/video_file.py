@@ -22,7 +22,7 @@ from typing import Any, Final
 from gamekeeper.contract.validation import one_line
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import DependencyError, EvidenceError, GamekeeperError, RunError
+from gamekeeper.errors import EvidenceError, GamekeeperError, RunError, not_installed
 from gamekeeper.runs.consent import consented, evidence_of
 from gamekeeper.runs.files.folder import output_path, read_bounded
 from gamekeeper.runs.replay_runner import check_named
@@ -53,12 +53,7 @@ def pillow() -> Any:
     try:
         from PIL import Image
     except ImportError as error:
-        raise DependencyError(
-            "Pillow isn't installed",
-            where="video",
-            actual=str(error),
-            fix="pip install 'gamekeeper[video]'",
-        ) from error
+        raise not_installed(error, "Pillow", "video", "video") from error
     return Image
 
 
@@ -414,11 +409,8 @@ def _ffmpeg() -> Any:
     try:
         import imageio_ffmpeg  # type: ignore[import-untyped]  # it ships no types
     except ImportError as error:
-        raise DependencyError(
-            "imageio-ffmpeg isn't installed",
-            where="video",
-            actual=str(error),
-            fix="pip install 'gamekeeper[video]'; a gif (--out x.gif) needs Pillow alone",
+        raise not_installed(
+            error, "imageio-ffmpeg", "video", "video", "; a gif (--out x.gif) needs Pillow alone"
         ) from error
     return imageio_ffmpeg
 

@@ -90,11 +90,13 @@ def test_many_endings_alike_are_one_mark() -> None:
 
 
 def test_failing_episode_is_marked() -> None:
-    """Where the contract's condition holds, the end of the episode says so."""
+    """Where the contract's condition holds, or the one asked for, the episode's end says so."""
     evidence = recorded(failure="gain < 100", episodes=1)
     marks = packed_of(evidence, 0)["marks"]
     assert "gain < 100" in [mark["text"] for mark in marks]
     assert [entry["failing"] for entry in entries_of(evidence)] == [True]
+    asked = packed_of(evidence, 0, condition="length >= 0")["marks"]
+    assert [mark["text"] for mark in asked if mark["kind"] == "failure"] == ["length >= 0"]
 
 
 def test_labels_are_marked() -> None:

@@ -1,7 +1,7 @@
 """Pivots of a document stand on their episode's timeline."""
 
 from gamekeeper.diagnosis.pivot_result import CurvePoint, EpisodePivots, Pivot, Pivots
-from gamekeeper.reporting.page.pivot_marks import pivot_marks, pivots_of, success_curve
+from gamekeeper.reporting.page.pivots_section import pivot_marks, pivots_of, success_curve
 
 
 def document() -> dict[str, object]:

@@ -163,14 +163,14 @@ def test_verdicts_stand_by_severity() -> None:
     audit["verdicts"].append({**audit["verdicts"][0], "id": "GK001", "outcome": "error"})
     found = verdicts_section(audit).verdicts
     assert found is not None
-    assert [each.id for each in found.bad] == ["GK402", "GK101", "GK001"]
+    assert [each["id"] for each in found.bad] == ["GK402", "GK101", "GK001"]
     assert [cell.text for cell in found.summary] == [
         "2 failed",
         "1 error",
         "1 not exercised",
         "1 passed",
     ]
-    anchors = [finding.anchor for each in found.bad for finding in each.findings]
+    anchors = [finding["anchor"] for each in found.bad for finding in each["findings"]]
     assert len(set(anchors)) == len(anchors)
 
 

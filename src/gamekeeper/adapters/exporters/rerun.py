@@ -49,14 +49,13 @@ from gamekeeper.adapters.export_source import (
     agents_of,
     chosen,
     evidence_of,
-    needs,
     tell,
     to_stderr,
     traces_of,
 )
 from gamekeeper.episodes.episode import Episode, Spaces
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import RunError
+from gamekeeper.errors import RunError, not_installed
 from gamekeeper.runs.files.folder import output_path
 
 SERIES: Final = 32  # numbers of a value that are still read as series, one each
@@ -89,7 +88,7 @@ def export(
     try:
         import rerun
     except ImportError as error:
-        raise needs("rerun-sdk", "rerun", error) from error
+        raise not_installed(error, "rerun-sdk", "rerun", "--to rerun") from error
     evidence = evidence_of(run)
     names = chosen(evidence, agents)
     path = output_path(out, suffix=".rrd")

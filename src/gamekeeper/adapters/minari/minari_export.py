@@ -26,7 +26,6 @@ from gamekeeper.adapters.export_source import (
     agents_of,
     chosen,
     evidence_of,
-    needs,
     nested,
     tell,
     to_stderr,
@@ -43,7 +42,7 @@ from gamekeeper.adapters.minari.minari_agents import (
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.where import Where
-from gamekeeper.errors import EvidenceError, RunError
+from gamekeeper.errors import EvidenceError, RunError, not_installed
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +161,7 @@ def export(
         import minari  # asked before anything is read
         import minari.dataset._storages.hdf5_storage  # noqa: F401  # with h5py
     except ImportError as error:
-        raise needs("Minari", "minari", error) from error
+        raise not_installed(error, "Minari", "minari", "--to minari") from error
     evidence = evidence_of(run)
     names = chosen(evidence, agents)
     _check_level(evidence)

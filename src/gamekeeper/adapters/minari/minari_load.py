@@ -15,12 +15,11 @@ from typing import Any, Final
 import numpy as np
 from gymnasium import spaces
 
-from gamekeeper.adapters.export_source import needs
 from gamekeeper.episodes.buffer import EpisodeEnd, EpisodeStart
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.spaces import Codec
-from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
+from gamekeeper.errors import EvidenceError, GamekeeperError, RunError, not_installed
 from gamekeeper.interface.packing import InfoTexts, action_packer, nonconforming, observation_packer
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.runs.load_run import load as load_run
@@ -285,7 +284,7 @@ def load(
         from minari.dataset.minari_dataset import MinariDataset
         from minari.dataset.minari_storage import MinariStorage
     except ImportError as error:
-        raise needs("Minari", "minari", error) from error
+        raise not_installed(error, "Minari", "minari", "--to minari") from error
     folder = _folder(fspath(data))
     with _reading(folder):
         raw = MinariStorage.read_raw_metadata(folder)
@@ -302,7 +301,7 @@ def load(
         try:
             dataset = MinariDataset(folder)
         except ImportError as error:  # h5py, or what its format needs
-            raise needs("Minari", "minari", error) from error
+            raise not_installed(error, "Minari", "minari", "--to minari") from error
     if not len(dataset):
         raise EvidenceError(
             "the data set has no episode", where=str(folder), fix="fetch it again, or another one"

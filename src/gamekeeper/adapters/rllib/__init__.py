@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import not_installed
 
 try:
     import ray.rllib
 except ImportError as error:
-    raise SpecError(
-        "RLlib isn't installed",
-        where="gamekeeper.adapters.rllib",
-        fix="pip install 'gamekeeper[rllib]'",
-    ) from error
+    raise not_installed(error, "RLlib", "rllib", "gamekeeper.adapters.rllib") from error
 
 from gamekeeper.adapters.rllib.rllib_env import multi_agent_env
 from gamekeeper.adapters.rllib.rllib_game import Options

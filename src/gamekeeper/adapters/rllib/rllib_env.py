@@ -380,7 +380,7 @@ class AgentsEnv(MultiAgentEnv):
             told = self._named(self._world.act(acts))
         except Exception as error:
             for agent, act in acts.items():
-                masked = self._masked(agent, act, f"the environment raised {said_by(error)}")
+                masked = self._masked(agent, act, said_by(error))
                 if masked is not None:
                     raise masked from error
             raise

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import not_installed
 
 try:
     import sb3_contrib  # noqa: F401  # that it is there; its users import what they need
     import stable_baselines3
 except ImportError as error:
-    raise SpecError(
-        "Stable-Baselines3 or sb3-contrib isn't installed",
-        where="gamekeeper.adapters.sb3",
-        fix="pip install 'gamekeeper[sb3]'",
+    raise not_installed(
+        error, "Stable-Baselines3 or sb3-contrib", "sb3", "gamekeeper.adapters.sb3"
     ) from error
 
 from gamekeeper.adapters.sb3.sb3_buffers import buffer, replay_buffer

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from gamekeeper.errors import DependencyError
+from gamekeeper.errors import not_installed
 
 try:
     import tianshou
 except ImportError as error:
-    raise DependencyError(
-        "Tianshou isn't installed",
-        where="gamekeeper.adapters.tianshou",
-        fix="pip install 'gamekeeper[tianshou]'",
-    ) from error
+    raise not_installed(error, "Tianshou", "tianshou", "gamekeeper.adapters.tianshou") from error
 
 from gamekeeper.adapters.tianshou.tianshou_envs import Collector, vector_env
 from gamekeeper.adapters.tianshou.tianshou_policy import masked, policy, unmasked

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import not_installed
 
 try:
     import torchrl
 except ImportError as error:
-    raise SpecError(
-        "TorchRL isn't installed",
-        where="gamekeeper.adapters.torchrl",
-        fix="pip install 'gamekeeper[torchrl]'",
-    ) from error
+    raise not_installed(error, "TorchRL", "torchrl", "gamekeeper.adapters.torchrl") from error
 
 from gamekeeper.adapters.torchrl.torchrl_env import GameEnv, env
 from gamekeeper.adapters.torchrl.torchrl_policy import advantages, decisions, policy

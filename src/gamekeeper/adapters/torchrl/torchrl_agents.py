@@ -16,11 +16,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gamekeeper.adapters.requirements import learners_of, policies_of_others, role_of
+from gamekeeper.adapters.slot_views import OtherAgents
 from gamekeeper.adapters.torchrl.torchrl_copies import Bools, Copies
 from gamekeeper.adapters.torchrl.torchrl_specs import SpecPart, parts_of
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
-from gamekeeper.vector.vector_form import MASK, built, getter
+from gamekeeper.vector.vector_form import MASK
 
 
 class Waiting:
@@ -107,64 +108,24 @@ class Waiting:
             actions[g, place][rows] = given[rows, slots]
 
 
-class OtherTorchRLAgents:
+def others_of(
+    copies: Copies, learning: list[TorchRLAgents], others: Choices, spec: object, env_kwargs: Any
+) -> OtherAgents:
     """Agents that act by given policies in each copy.
 
-    Args:
-        copies: of the environment.
-        learners: columns of the agents that don't.
-        others: policies of all the rest.
-        spec, env_kwargs: the environment, and its arguments.
     Raises:
         SpecError: an agent has no policy, or all agents learn and there are policies.
     """
-
-    def __init__(
-        self, copies: Copies, learners: set[int], others: Choices, spec: object, env_kwargs: Any
-    ) -> None:
-        self._copies = copies
-        self._columns = [c for c in range(len(copies.agents)) if c not in learners]
-        self._group_of = {
-            group.first + place: (g, group, place)
-            for g, group in enumerate(copies.groups)
-            for place in range(len(group.agents))
-        }
-        rest = [copies.agents[column] for column in self._columns]
-        self._policies = policies_of_others(
-            spec, env_kwargs, rest, others, copies.contract, copies.num_envs
-        )
-
-    def begin(self, which: NDArray[np.bool_]) -> None:
-        """Begins new episodes in these copies."""
-        for copy in np.flatnonzero(which).tolist() if self._policies else ():
-            episode = int(self._copies.arrays["episode"][copy])
-            self._policies[copy].begin(self._copies.run_seed, episode)
-
-    def act(self, actions: dict[tuple[int, int], NDArray[Any]]) -> None:
-        """Puts their actions beside those of the learners; arrays are by group and leaf."""
-        if not self._policies:
-            return
-        arrays, over = self._copies.arrays, self._copies.over
-        if self._copies.api == "aec":
-            turn = arrays["turn"]
-            for copy in np.flatnonzero(np.isin(turn, self._columns) & ~over).tolist():
-                self._put(actions, copy, int(turn[copy]), (copy,))
-            return
-        for column in self._columns:
-            _, _, place = self._group_of[column]
-            for copy in np.flatnonzero(arrays["live"][:, column] & ~over).tolist():
-                self._put(actions, copy, column, (copy, place))
-
-    def _put(self, actions: Any, copy: int, column: int, index: tuple[int, ...]) -> None:
-        """Puts the action of one agent; `index`: its place in arrays, of observations too."""
-        g, group, _ = self._group_of[column]
-        agent, arrays = self._copies.agents[column], self._copies.arrays
-        leaves = (np.copy(arrays[f"obs.{g}.{i}"][index]) for i in range(len(group.observed)))
-        observation = built(group.observation_space, leaves)
-        info = self._copies.told.get(copy, {}).get(agent, {})
-        action: Any = self._policies[copy].act(agent, observation, info)
-        for i, leaf in enumerate(group.acted):
-            actions[g, i][index] = getter(leaf.path)(action)
+    learners = {column for each in learning for column in each.columns.tolist()}
+    rest = [
+        (group, place, agent)
+        for group in copies.groups
+        for place, agent in enumerate(group.agents)
+        if group.first + place not in learners
+    ]
+    names, contract = [agent for *_, agent in rest], copies.contract
+    policies = policies_of_others(spec, env_kwargs, names, others, contract, copies.num_envs)
+    return OtherAgents(policies, copies.groups, rest, is_aec=copies.api == "aec")
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,8 @@ class Copies:
         over: [copy], copies whose episode ended in the last step and that weren't reset since.
         run_seed: of the run that they play.
         is_begun: True once they were reset.
-        told: infos by agent of each copy, where they were asked for.
+        obs, infos: as the vector environment returned them, over its own arrays; in
+            `infos["agents"]` infos by agent of each copy, where they were asked for.
     """
 
     def __init__(
@@ -67,7 +68,8 @@ class Copies:
         self.agents: list[Any] = [agent for group in self.groups for agent in group.agents]
         self.contract = self.venv.seen.contract or Contract()
         self.over: Bools = np.zeros(num_envs, bool)
-        self.told: dict[int, Mapping[Any, Any]] = {}
+        self.obs: Any = None
+        self.infos: dict[str, Any] = {}
         self.run_seed, self._seed, self._runs, self.is_begun = seed, seed, 0, False
 
     @property
@@ -90,15 +92,13 @@ class Copies:
 
     def _begin(self, seed: int) -> None:
         self.run_seed, self.is_begun = seed, True
-        _, infos = self.venv.reset(seed=seed)
+        self.obs, self.infos = self.venv.reset(seed=seed)
         self.over[...] = False
-        self._hear(infos)
 
     def step(self, actions: Any) -> None:
         """Steps every copy; `over` tells which episodes ended in it."""
-        _, _, _, _, infos = self.venv.step(actions)
-        self.over[...] = infos["over"]
-        self._hear(infos)
+        self.obs, *_, self.infos = self.venv.step(actions)
+        self.over[...] = self.infos["over"]
 
     def restart(self, which: Bools) -> None:
         """Begins the next episodes of these copies; the others aren't stepped.
@@ -108,7 +108,8 @@ class Copies:
         """
         if self._stands_still:
             said = self._next_of_kernel(which) if self._is_kernel else self._next_of_block(which)
-            self.told.update(said.infos)
+            for copy, told in said.infos.items():
+                self.infos.setdefault("agents", {})[copy] = told
         elif (which & ~self.over).any():
             if not which.all():
                 raise SpecError(
@@ -205,7 +206,3 @@ class Copies:
     def close(self) -> None:
         """Closes every copy."""
         self.venv.close()
-
-    def _hear(self, infos: Mapping[str, Any]) -> None:
-        if "agents" in infos:
-            self.told = {e: told for e, told in enumerate(infos["agents"]) if told is not None}

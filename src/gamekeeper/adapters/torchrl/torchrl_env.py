@@ -13,16 +13,13 @@ from torchrl.data import Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from gamekeeper.adapters.requirements import checked
+from gamekeeper.adapters.slot_views import OtherAgents
 from gamekeeper.adapters.torchrl import torchrl_specs as specs
-from gamekeeper.adapters.torchrl.torchrl_agents import (
-    OtherTorchRLAgents,
-    TorchRLAgents,
-    Waiting,
-    groups_of,
-)
+from gamekeeper.adapters.torchrl.torchrl_agents import TorchRLAgents, Waiting, groups_of, others_of
 from gamekeeper.adapters.torchrl.torchrl_copies import Bools, Copies
 from gamekeeper.errors import ActionError, SpecError
 from gamekeeper.interface.joint_policy import Choices
+from gamekeeper.vector.vector_form import ALL
 
 FLAGS: Final = ("done", "terminated", "truncated")
 
@@ -38,7 +35,7 @@ class GameEnv(EnvBase):
         self,
         copies: Copies,
         learning: list[TorchRLAgents],
-        others: OtherTorchRLAgents,
+        others: OtherAgents,
         *,
         is_batched: bool,
         device: Any,
@@ -191,7 +188,8 @@ class GameEnv(EnvBase):
         """Clears the ends of these copies, in which new episodes have begun."""
         for flags in (*self._ended.values(), *self._whole.values(), self._just_ended):
             flags[which] = False
-        self._others.begin(which)
+        copies = self._copies
+        self._others.begin(np.flatnonzero(which).tolist(), copies.run_seed, copies.infos)
         if self._waiting is not None:
             self._waiting.clear(which)
             self._waiting.look(self._just_ended)
@@ -293,12 +291,12 @@ class GameEnv(EnvBase):
                     mine = slice(first, first + len(places))
                     actions[g, part.place][:, places] = given[:, mine]
                     first += len(places)
-        self._others.act(actions)
         joint = {
             group.name: _nested({leaf.path: actions[g, i] for i, leaf in enumerate(group.acted)})
             for g, group in enumerate(copies.groups)
         }
-        return joint.get("", joint)
+        self._others.act(joint, copies.obs, copies.infos)
+        return joint.get(ALL, joint)
 
     def _given(
         self, tensordict: TensorDictBase, each: TorchRLAgents, part: specs.SpecPart
@@ -409,8 +407,7 @@ def env(
     )
     try:
         learning = groups_of(copies, group_map, role)
-        learners = {column for each in learning for column in each.columns.tolist()}
-        rest = OtherTorchRLAgents(copies, learners, others, spec, env_kwargs)
+        rest = others_of(copies, learning, others, spec, env_kwargs)
         return GameEnv(
             copies, learning, rest, is_batched=num_envs is not None, device=device, **tensors
         )

@@ -29,6 +29,8 @@ MOMENTS: Final = 8
 """Parts of a play, between which copies are made."""
 SHORT: Final = 3
 """Turns that a copy goes on; the one of the middle goes on to the end."""
+ELSEWHERE: Final = 1000
+"""Distance of the seed of another episode, for the original of a copy."""
 WAYS: Final[Mapping[str, Callable[[Any], Any]]] = {
     "deepcopy": copy.deepcopy,
     "pickle": lambda env: pickle.loads(pickle.dumps(env)),
@@ -55,7 +57,32 @@ def copies(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if differs_by_itself or not all(told):  # or a step gives nothing in the promised form
         return
     for way, duplicate in WAYS.items():
-        yield from _copied(session, play, way, duplicate, paper, told)
+        facts = list(_copied(session, play, way, duplicate, paper, told))
+        yield from facts
+        if way == "deepcopy" and not any(map(_is_wrong, facts)):
+            yield _apart(session, play, paper, told)
+
+
+def _apart(
+    session: ProbeSession, play: EpisodePlan, paper: Sequence[Any], told: list[Told]
+) -> Fact[CopiedEnv]:
+    """Result of a copy that goes on while its original plays another episode."""
+    env, at = session.env(), len(paper) // 2
+    _begin(session, env, play)
+    _tell(session, env, paper[:at])
+    made = copy.deepcopy(env)
+    dice = random.getstate(), np.random.get_state()
+    session.call("reset", env.reset, seed=(play.seed or 0) + ELSEWHERE)
+    random.setstate(dice[0])
+    np.random.set_state(dice[1])
+    ours = _tell(session, made, paper[at:])
+    session.call("close", made.close)
+    first = _first_divergence(told[at:], ours)
+    turn = None if first is None else at + first[0] + 1
+    wrong = None if first is None else f"{first[1]} at turn {turn}, once its original was reset"
+    return session.fact(
+        CopiedEnv(None, wrong, None, at, is_apart=True), turn=turn, field="deepcopy"
+    )
 
 
 def _copied(
@@ -226,18 +253,13 @@ def _first_divergence(told: list[Told], other: list[Told]) -> tuple[int, str] | 
         for (name, agent, value), (name_2, agent_2, value_2) in zip(one, two, strict=False):
             if name != name_2:
                 return turn, str(value_2) if name_2 == "raises" else f"{name} is missing"
-            if agent != agent_2 or not is_same_copy(value, value_2):
+            if agent != agent_2 or not is_same(_bare(value), _bare(value_2)):
                 return turn, f"{name} differs" if agent == agent_2 else "agent_selection differs"
         if len(one) != len(two):
             return turn, "there is more or less of it"
     if len(told) != len(other):
         return min(len(told), len(other)), "the episode has another length"
     return None
-
-
-def is_same_copy(one: Any, other: Any) -> bool:
-    """Tells whether two snapshots are the same; objects that can't be copied aren't compared."""
-    return is_same(_bare(one), _bare(other))
 
 
 def _bare(value: Any) -> Any:

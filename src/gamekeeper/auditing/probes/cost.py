@@ -144,12 +144,7 @@ TURNS: Final = 10
 EPISODES: Final = 12
 
 
-def _repeated_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """One short play."""
-    yield EpisodePlan(seed=session.seed, most_turns=TURNS)
-
-
-@probe("repeated", share=0.8, plays=_repeated_plays)
+@probe("repeated", share=0.8, plays=lambda session: session.plays_of([TURNS]))
 def repeated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """One short play, again and again in one instance: what it costs each time, and what stays.
 

@@ -149,12 +149,11 @@ LEARNED: Final = ("rewards", "terminations", "truncations")
 """Parts of a step that a learner needs: without them it learns from no step after the end."""
 
 
-def _lifecycle_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """A long one and a shorter one."""
-    return session.plays_of(max(int(session.ration * part), 20) for part in PARTS)
-
-
-@probe("lifecycle", share=2.0, plays=_lifecycle_plays)
+@probe(
+    "lifecycle",
+    share=2.0,
+    plays=lambda session: session.plays_of(max(int(session.ration * x), 20) for x in PARTS),
+)
 def lifecycle(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The life of an instance: before a reset, after the end, resets at any time, closing.
 

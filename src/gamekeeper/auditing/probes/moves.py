@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.random import Generator
 
+from gamekeeper.auditing.bulk import most_turns
 from gamekeeper.auditing.probe_session import ProbeSession
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.episode import Episode
@@ -42,22 +43,14 @@ def equal(one: Any, other: Any) -> bool:
 
 
 def affordable(session: ProbeSession, turns: int, size_bytes: int = FILM_BYTES) -> int:
-    """So many turns, or fewer where observations are large; eight at least."""
-    sizes = [_size(spec.observation_space) for spec in session.agents.values()]
-    each = max(sizes, default=0) if session.api == "aec" else sum(sizes)
-    return max(min(turns, size_bytes // max(each, 1)), LEAST_TURNS)
+    """So many turns, or fewer where observations and states are large; eight at least."""
+    return min(turns, most_turns(session, size_bytes, LEAST_TURNS))
 
 
 def cut(play: EpisodePlan, turns: int) -> EpisodePlan:
     """The first turns of a play whose actions are on paper."""
     actions = (play.actions or ())[:turns]
     return replace(play, actions=actions, most_turns=max(len(actions), 1))
-
-
-def _size(space: Any) -> int:
-    """Bytes of an array in a space; 0 where it is no array, or of parts."""
-    shape, dtype = getattr(space, "shape", None), getattr(space, "dtype", None)
-    return int(np.prod(shape)) * dtype.itemsize if shape and dtype is not None else 0
 
 
 def legal(space: Discrete, mask: Any) -> Sequence[int]:

@@ -128,15 +128,9 @@ def _offered(session: ProbeSession, env: Any, play: EpisodePlan) -> tuple[str, .
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for kind, call in CALLS.items():
-            if (kind in ONLY_AEC and session.api != "aec") or (
-                kind == "render" and _on_screen(env)
-            ):
+            opens_window = kind == "render" and getattr(env, "render_mode", None) == "human"
+            if (kind in ONLY_AEC and session.api != "aec") or opens_window:
                 continue
             if session.call(kind, call, env).failed is None:
                 found.append(kind)
     return tuple(found)
-
-
-def _on_screen(env: Any) -> bool:
-    """Tells whether rendering would open a window."""
-    return getattr(env, "render_mode", None) == "human"

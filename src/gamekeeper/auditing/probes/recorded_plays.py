@@ -37,12 +37,13 @@ SHORT_PLAYS: Final = 16
 """Further episodes, where the first ones ended early and left steps to spend."""
 
 
-def _rollout_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """First a few that may be long, then more while there are steps left."""
-    return session.plays_of([max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
-
-
-@probe("rollout", share=6.0, plays=_rollout_plays)
+@probe(
+    "rollout",
+    share=6.0,
+    plays=lambda session: session.plays_of(
+        [max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS)
+    ),
+)
 def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rollouts from several seeds with random legal actions, long enough to see endings.
 
@@ -88,12 +89,11 @@ def _states(session: ProbeSession, space: Space[Any] | None, trace: Episode) -> 
 MOST_TURNS: Final = 60
 
 
-def _evidence_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """Two; each played, played again, and replayed from its evidence."""
-    yield from session.plays(2, runs=3, most_turns=affordable(session, MOST_TURNS))
-
-
-@probe("evidence", share=0.5, plays=_evidence_plays)
+@probe(
+    "evidence",
+    share=0.5,
+    plays=lambda session: session.plays(2, runs=3, most_turns=affordable(session, MOST_TURNS)),
+)
 def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """A play recorded, and played again from nothing but its evidence.
 

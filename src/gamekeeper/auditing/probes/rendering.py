@@ -46,12 +46,11 @@ NEEDS_MORE: Final = re.compile(
 """Words of messages about a missing screen or package, which is no fault of the env."""
 
 
-def _render_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """Two; each is played a handful of times."""
-    yield from session.plays(2, runs=7, most_turns=affordable(session, MOST_TURNS))
-
-
-@probe("render", share=1.5, plays=_render_plays)
+@probe(
+    "render",
+    share=1.5,
+    plays=lambda session: session.plays(2, runs=7, most_turns=affordable(session, MOST_TURNS)),
+)
 def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Every render mode but "human": built, played and filmed beside the play without a camera.
 
@@ -99,7 +98,7 @@ def _mode(
     def built() -> Called:
         return Called(session.env()) if is_own else session.call("make", session.make, **options)
 
-    about = BuiltMode(mode, takes or is_own, is_own, options, None, False, None)
+    about = BuiltMode(mode, takes or is_own, options, None, False, None)
     if not (takes or is_own):
         yield session.fact(about)
         return
@@ -122,27 +121,21 @@ def _mode(
     yield session.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
     yield session.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
     if session.divergence(base.trace, unchanged_rerun.trace) is None:
-        yield from _looked_twice(session, about, base.play, made.value)
+        env, again = made.value, base.play
+        if session.call("reset", env.reset, seed=again.seed, options=again.options).failed is None:
+            digest = _digest(session.call("render", env.render).value)
+            yield session.fact(SecondFrame(mode, options, digest))
     turns = len(base.play.actions or ())
     last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
     for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
         late = Camera(session, first=first)
-        again = session.play(base.play, built().value, watch=late)
-        is_same = session.divergence(filmed.trace, again.trace) is None
+        refilmed = session.play(base.play, built().value, watch=late)
+        is_same = session.divergence(filmed.trace, refilmed.trace) is None
         for shot in late.shots[:1] if is_same else ():
             yield session.fact(FirstFrame(mode, options, first, shot.digest))
     pen = Pen(session)
     session.play(cut(base.play, WRITTEN_TURNS), built().value, watch=pen)
     yield session.fact(WrittenFrames(mode, options, pen.turns, pen.count))
-
-
-def _looked_twice(
-    session: ProbeSession, about: BuiltMode, play: EpisodePlan, env: Any
-) -> Iterator[Saw]:
-    """The first frame of a second episode in the instance that was filmed."""
-    if session.call("reset", env.reset, seed=play.seed, options=play.options).failed is None:
-        digest = _digest(session.call("render", env.render).value)
-        yield session.fact(SecondFrame(about.mode, about.options, digest))
 
 
 def _since(shots: list[Shot], turn: int) -> int:
@@ -192,7 +185,7 @@ class Pen:
         if not before[0] or _digest(before[0]) != _digest(before[1]):
             return
         pairs = [pair for each in frames for pair in zip(each, before[0], strict=True)]
-        if not all(_can_write(array) for array, _ in pairs):
+        if not all(a.flags.writeable and a.dtype.kind in "uif" and a.size for a, _ in pairs):
             return
         for array, old in pairs:  # both frames may be one array
             array[...] = _scribble(old)
@@ -235,10 +228,6 @@ def _digest(frame: Any) -> str | None:
     for array in arrays:
         hashed.update(f"{array.dtype}{array.shape}".encode() + array.tobytes())
     return hashed.hexdigest()
-
-
-def _can_write(array: Any) -> bool:
-    return bool(array.flags.writeable and array.dtype.kind in "uif" and array.size)
 
 
 def _scribble(array: Any) -> Any:

@@ -33,12 +33,11 @@ TRIAL_TURNS: Final = (0, 1, 2, 3, 4, 5, 7, 9)
 """Turns at which other actions are tried."""
 
 
-def _state_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """Two; each again in the used instance, and in part with other actions."""
-    yield from session.plays(2, runs=4, most_turns=affordable(session, MOST_TURNS))
-
-
-@probe("state", share=1.0, plays=_state_plays)
+@probe(
+    "state",
+    share=1.0,
+    plays=lambda session: session.plays(2, runs=4, most_turns=affordable(session, MOST_TURNS)),
+)
 def state(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The state at every turn, asked for twice, in a used instance, and after other actions.
 

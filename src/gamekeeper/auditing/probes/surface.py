@@ -120,12 +120,13 @@ LAST: Final = 5
 """Values that `last()` of an AEC environment returns."""
 
 
-def _surface_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """First a few that may be long, then more while there are steps left."""
-    return session.plays_of([max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS))
-
-
-@probe("surface", share=1.5, plays=_surface_plays)
+@probe(
+    "surface",
+    share=1.5,
+    plays=lambda session: session.plays_of(
+        [max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS)
+    ),
+)
 def surface(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rosters, counts and books on the outside of an environment, turn by turn.
 

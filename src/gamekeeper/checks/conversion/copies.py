@@ -25,10 +25,13 @@ def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Cases:
             continue
         if who == "original" and fact.value.refused and fact.value.original is None:
             continue
+        if who == "original" and fact.value.is_apart:
+            continue
         wrong = fact.value.copy if who == "copy" else fact.value.original
         where = replace(fact.where, turn=None if wrong is None else fact.where.turn)
         expected = "it goes on like a play of which no copy was made"
-        proof = reproducer_of(copies_go_on, compares=True, at=fact.value.at, way=way, who=who)
+        whose = "apart" if fact.value.is_apart else who
+        proof = reproducer_of(copies_go_on, compares=True, at=fact.value.at, way=way, who=whose)
         yield Case(where, wrong is None, expected, "it does" if wrong is None else wrong, proof)
 
 
@@ -52,7 +55,8 @@ def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Ca
     """A copy.deepcopy that is made in mid-episode goes on like its original, state() too.
 
     Tree search and counterfactual estimates play on in copies. A copy that has lost a part of the
-    state, a view of an array or the place in the random stream, plays another game.
+    state, a view of an array or the place in the random stream, plays another game; so does one
+    whose closures read its original, which shows once the original is somewhere else.
 
     Bad:
         self.world = np.zeros(8)

@@ -30,15 +30,11 @@ CUT = {
 }
 
 
-def _no_horizon(contract: Contract, evidence: ProbeEvidence) -> str | None:
-    return "no horizon is declared" if contract.schedule.horizon is None else None
-
-
 @check(
     "GK507",
     HIGH,
     "rollout",
-    applies=_no_horizon,
+    applies=lambda c, _: "no horizon is declared" if c.schedule.horizon is None else None,
     looks_at="an episode that reaches the declared horizon: a larger --budget plays longer",
 )
 def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Cases:

@@ -27,12 +27,14 @@ class CopiedEnv:
         copy: what the copy gave otherwise than a play without a copy, in words.
         original: what the original gave otherwise.
         at: turns after which it was made.
+        is_apart: the original was reset with another seed before the copy went on.
     """
 
     refused: str | None
     copy: str | None
     original: str | None
     at: int
+    is_apart: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,6 @@ class BuiltMode:
 
     Attributes:
         taken: whether the factory takes the argument.
-        is_own: whether it is the mode in use.
         failed: what building it raised.
         is_missing: whether a screen or a package is missing.
         shown: what `env.render_mode` says.
@@ -38,7 +37,6 @@ class BuiltMode:
 
     mode: str
     taken: bool
-    is_own: bool
     options: dict[str, Any]
     failed: str | None
     is_missing: bool

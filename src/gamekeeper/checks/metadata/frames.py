@@ -162,11 +162,8 @@ def _is_right(mode: str, shot: Shot) -> bool:
         return True
     pictures = shot.frames
     right = all(d == "uint8" and len(s) == 3 and s[2] == 3 and 0 not in s for d, s in pictures)
-    return right and (mode == "rgb_array_list" or (len(pictures) == 1 and _is_array(shot)))
-
-
-def _is_array(shot: Shot) -> bool:
-    return shot.kind not in ("list", "tuple")
+    is_array = len(pictures) == 1 and shot.kind not in ("list", "tuple")
+    return right and (mode == "rgb_array_list" or is_array)
 
 
 def _words(shot: Shot) -> str:

@@ -190,7 +190,7 @@ def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _
         received = [[_paid(turns[start + k], part) for turns in (base, changed)] for k in (0, 1)]
     found = [one.get(agent, 0.0) != two.get(agent, 0.0) for one, two in received]
     first = found.index(True) if any(found) else None
-    prompt, late = (_moved_numbers(pair, agent) for pair in looks)
+    prompt, late = (changed_numbers(*(t.observations.get(agent) for t in pair)) for pair in looks)
     step = [_paid(turns[start], part) for turns in (base, changed)]
     names = step[0].keys() | step[1].keys()
     others = any(step[0].get(name, 0.0) != step[1].get(name, 0.0) for name in names)
@@ -202,10 +202,6 @@ def _paid(turn: Turn, part: str | None) -> Mapping[str, float]:
     if part is None:
         return turn.rewards
     return {agent: terms.get(part, 0.0) for agent, terms in turn.terms.items()}
-
-
-def _moved_numbers(pair: tuple[Turn, Turn], agent: str) -> frozenset[int]:
-    return changed_numbers(*(turn.observations.get(agent) for turn in pair))
 
 
 def _lagging(trials: list[_Trial]) -> bool:
@@ -315,10 +311,9 @@ def _rare_proof(fact: Fact[PaymentTime], api: str) -> Reproducer:
 def _case(trial: _Trial, *, ok: bool, api: str, part: str | None) -> Case:
     change = trial.counterfactual.change
     agent, turn = str(change["agent"]), int(change["turn"])
-    if api == "parallel":
-        proof = _proof(agent, turn, change["action"], part)
-    else:
-        proof = _aec_proof(turn, change)
+    action = by_turn(trial.counterfactual.trace, turn)[turn].actions.get(agent, change["action"])
+    is_parallel = api == "parallel"
+    proof = _proof(agent, turn, action, part) if is_parallel else _aec_proof(turn, action)
     field = "cumulative_reward" if part is None else f"terms[{part!r}]"
     where: Where = trial.counterfactual.base.at(turn + 2, agent, field)
     reward = "reward" if part is None else f"{part!r}"
@@ -346,7 +341,7 @@ def _proof(agent: str, turn: int, action: Any, part: str | None) -> Reproducer:
     )
 
 
-def _aec_proof(turn: int, change: Any) -> Reproducer:
+def _aec_proof(turn: int, action: Any) -> Reproducer:
     return Reproducer(
         "def received(actions):\n"
         "    env, found = make(), []\n"
@@ -357,7 +352,7 @@ def _aec_proof(turn: int, change: Any) -> Reproducer:
         "    return [*found, (env.agent_selection, env.last()[1])]\n"
         "\n"
         "other = list(ACTIONS)\n"
-        f"other[{turn}] = {literal(change['action'])}\n"
+        f"other[{turn}] = {literal(action)}\n"
         "one, two = received(ACTIONS), received(other)\n"
         f"later = [k for k in range({turn + 1}, len(one)) if one[k][0] == one[{turn}][0]]\n"
         "first, then = [one[k] != two[k] for k in later[:2]]\n"

@@ -90,6 +90,7 @@ def entry_place(trace: Episode, turn: Turn, agent: str, part: str) -> Where:
 
 
 ACCOUNTS: Final = frozenset({"cumulative_reward", "terminated", "truncated"})
+NONE_GONE: Final = "assert not gone, gone"
 BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
 
 
@@ -125,7 +126,9 @@ def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvid
             for agent, part in bad:
                 expected = "no entry: it isn't in the game"
                 seen = f"an entry in {PARTS[part]}"
-                proof = _gone_proof(part)
+                proof = (
+                    f"gone = set({PARTS[part]}) - set(env.agents) - set(ACTIONS[-1])\n{NONE_GONE}"
+                )
                 yield Case(entry_place(trace, each.turn, agent, part), False, expected, seen, proof)
             if not bad:
                 yield Case(trace.at(each.turn, None, "agents"), True)
@@ -154,14 +157,10 @@ def _gone_in_books(evidence: ProbeEvidence, told: set[str]) -> Cases:
                         False,
                         "entries of those in agents",
                         f"also of {', '.join(agents)}",
-                        proof=f"gone = set(env.{name}) - set(env.agents)\nassert not gone, gone",
+                        proof=f"gone = set(env.{name}) - set(env.agents)\n{NONE_GONE}",
                     )
             if not any(found.values()):
                 yield Case(replace(fact.where, turn=turn, field="agents"), True)
-
-
-def _gone_proof(part: str) -> str:
-    return f"gone = set({PARTS[part]}) - set(env.agents) - set(ACTIONS[-1])\nassert not gone, gone"
 
 
 @check("GK107", HIGH, "rollout", "surface")

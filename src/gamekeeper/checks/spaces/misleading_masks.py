@@ -23,7 +23,7 @@ ONE_KIND: Final = 8
 
 
 def step_outcome(make: Any, seed: Any, actions: Any, turn: int, agent: Any, choice: Any) -> Any:
-    """What a step with another choice of one agent gives; None where it raises."""
+    """Result of a step with another choice of one agent; None where it raises."""
     env = make()
     env.reset(seed=seed)
     try:
@@ -123,7 +123,7 @@ def masks_say_what_is_legal_now(contract: Contract, evidence: ProbeEvidence) -> 
 
 
 def _contradictions(source: str, facts: Sequence[Fact[MaskTrial]]) -> list[_Contradiction]:
-    """What speaks against the given masks and for those of a source; none if anything doesn't."""
+    """Actions on which a source is right and the given masks wrong; none if it ever is wrong."""
     found = []
     for fact in facts:
         other = fact.value.others.get(source)

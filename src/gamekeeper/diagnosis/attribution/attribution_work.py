@@ -447,7 +447,11 @@ def played_unit(
     before = runner.steps
     value: Any
     if kind == "closed":
-        value = _coalitions(runner, number)
+        players = runner.task.players
+        masks, _ = wanted(len(players), rng=np.random.default_rng([runner.task.seed, number]))
+        value = [
+            [mask, runner.closed(number, members(mask, players)).team_return()] for mask in masks
+        ]
     else:
         value = _looked_into(runner, paper or runner.fresh(number))
     return {"kind": kind, "number": number, "value": value, "steps": runner.steps - before}
@@ -462,13 +466,6 @@ def _looked_into(runner: ReplacementRunner, paper: EpisodeActions) -> dict[str, 
         "said": [{**at, **each} for each in said(runner, paper)],
         "listened": [{**at, **each} for each in heard],
     }
-
-
-def _coalitions(runner: ReplacementRunner, number: int) -> list[list[float]]:
-    players = runner.task.players
-    rng = np.random.default_rng([runner.task.seed, number])
-    masks, _ = wanted(len(players), rng=rng)
-    return [[mask, runner.closed(number, members(mask, players)).team_return()] for mask in masks]
 
 
 def members(mask: int, players: Sequence[str]) -> list[str]:

@@ -133,7 +133,10 @@ def attribute(
         contract=declared,
         players=players,
         others=tuple(name for name in there if name not in players),
-        baseline={name: _baseline(baseline, declared, name) for name in players},
+        baseline={
+            name: "random" if baseline == "noop" and declared.noop_of(name) is None else baseline
+            for name in players
+        },
         seed=seed,
         run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
     )
@@ -186,10 +189,6 @@ def _asked(there: tuple[str, ...], seed: int) -> tuple[str, ...]:
     """All of them, or so many as can be played for, drawn."""
     drawn = np.random.default_rng([13, seed]).permutation(len(there))[:MOST_PLAYERS]
     return tuple(there[k] for k in sorted(drawn.tolist()))
-
-
-def _baseline(asked: str, contract: Contract, agent: str) -> str:
-    return "random" if asked == "noop" and contract.noop_of(agent) is None else asked
 
 
 # -- from what was played to the answer
@@ -346,7 +345,8 @@ def _not_tested(
     if task.others:
         why = f"only {len(task.players)} were drawn; the others played their policies throughout"
         notes.append({"what": f"{len(task.others)} agents in whole episodes", "why": why})
-    deaf = _deaf(task)
+    roles = task.contract.roles.items()  # those whose whole observation is a message
+    deaf = [name for name, role in roles if "observation" in (role.messages or ())]
     if deaf:
         why = "all that it observes is declared a message; name the part, as observation[-3:]"
         notes.append({"what": f"listening of {', '.join(deaf)}", "why": why})
@@ -407,13 +407,6 @@ def _untold(
             "team's return says nothing of any of them"
         )
         yield {"what": "parts of the team's return", "why": why}
-
-
-def _deaf(task: ReplacementTask) -> list[str]:
-    """Roles whose whole observation is declared to be a message."""
-    return [
-        name for name, role in task.contract.roles.items() if "observation" in (role.messages or ())
-    ]
 
 
 def _mean(values: Sequence[float]) -> float | None:

@@ -6,8 +6,6 @@ with its own "class" beside it, and comes back as the known one. A class that we
 `{"kind": "unknown", "class": ..., "repr": ...}` and comes back as an `UnknownSpace`.
 """
 
-from __future__ import annotations
-
 import math
 import reprlib
 from base64 import b64decode, b64encode
@@ -35,6 +33,7 @@ from gamekeeper.episodes.plain_json import is_damage, is_misshapen
 from gamekeeper.episodes.spaces.nesting import MOST_DEEP, check_extent
 from gamekeeper.errors import EvidenceError
 
+Json = dict[str, Any]
 _ELEMENTS: Final = 2**28  # in all arrays of one space: a short JSON must not ask for all memory
 _WORDS: Final = {"inf": math.inf, "-inf": -math.inf}
 
@@ -239,8 +238,6 @@ _KINDS: Final[dict[str, Callable[[_SpaceReader, Json], Space[Any]]]] = {
     ),
 }
 
-
-Json = dict[str, Any]
 
 _LISTED: Final = 256  # elements
 

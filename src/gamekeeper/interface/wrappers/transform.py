@@ -108,18 +108,17 @@ class TransformedSpaces:
 
     def observation_space(self, agent: AgentId) -> Space[Any]:
         """Space of what the agent is shown; the same object at every call."""
-        space = self._known.get(("observation", agent))
-        if space is None:
-            space = self.transform.observation_space(agent, self.env.observation_space(agent))
-            self._known["observation", agent] = space
-        return space
+        return self._space("observation_space", agent)
 
     def action_space(self, agent: AgentId) -> Space[Any]:
         """Space of what the agent does; the same object at every call."""
-        space = self._known.get(("action", agent))
+        return self._space("action_space", agent)
+
+    def _space(self, kind: str, agent: AgentId) -> Space[Any]:
+        space = self._known.get((kind, agent))
         if space is None:
-            space = self.transform.action_space(agent, self.env.action_space(agent))
-            self._known["action", agent] = space
+            inner = getattr(self.env, kind)(agent)
+            space = self._known[kind, agent] = getattr(self.transform, kind)(agent, inner)
         return space
 
     @property

@@ -24,6 +24,7 @@ from gamekeeper.reporting.page.page_data import (
     binned_line,
     bounds,
     finite,
+    headings,
     interval,
     name,
     number,
@@ -161,21 +162,9 @@ def _main_table(
                 _lazy(agent, attribution),
             )
         )
-    columns = (
-        "agent",
-        "role",
-        "episodes",
-        "mean return",
-        "95 % interval",
-        "lowest",
-        "median",
-        "highest",
-        "mean length",
-        "share",
-        "idle",
-        "endings",
-        "labels",
-        "lazy",
+    columns = headings(
+        "agent | role | episodes | mean return | 95 % interval | lowest | median | highest | "
+        "mean length | share | idle | endings | labels | lazy"
     )
     return PageTable("Returns, lengths and endings by agent", columns, tuple(rows))
 

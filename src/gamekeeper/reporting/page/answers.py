@@ -15,7 +15,7 @@ from gamekeeper.reporting.page.audit_sections import failed_words
 from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
 from gamekeeper.reporting.page.page_data import Answer, FloatArray, PageBlock, shown
 from gamekeeper.reporting.page.page_html import env_words, quoted
-from gamekeeper.reporting.page.pivot_marks import pivot_marks
+from gamekeeper.reporting.page.pivots_section import pivot_marks
 from gamekeeper.reporting.pivots_text import kept_by, no_pivot_text
 from gamekeeper.reporting.results_text import few, last_line
 
@@ -257,6 +257,8 @@ def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
         text = f"first difference: turn {each['turn']} of episode {each['episode']}"
         link = {"link": f"#play:{place}", "link_text": text}
     text = f"{few(texts, most=3)} ({how})."
+    if not text.startswith(tuple(named)):
+        text = f"{text[0].upper()}{text[1:]}"
     return Answer("Likely cause", text, few(named, most=3), "failed", **link)
 
 

@@ -25,11 +25,9 @@ from gamekeeper.reporting.page.packed_episode import PackedAgent
 from gamekeeper.reporting.page.page_data import (
     Cell,
     Chart,
-    FindingEntry,
     PageBlock,
     PageSection,
     PageTable,
-    VerdictEntry,
     Verdicts,
     anchor_of,
     badge,
@@ -54,9 +52,9 @@ def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection | None:
     if audit is None:
         return None
     judged = [_judged(each) for each in audit["verdicts"] if isinstance(each, Mapping)]
-    bad = sorted((each for each in judged if each.outcome in BAD), key=_weight)
+    bad = sorted((each for each in judged if each["outcome"] in BAD), key=_weight)
     rest = tuple(
-        (outcome.replace("_", " "), tuple(each for each in judged if each.outcome == outcome))
+        (outcome.replace("_", " "), tuple(each for each in judged if each["outcome"] == outcome))
         for outcome in ORDER
     )
     notes = (
@@ -88,11 +86,11 @@ def failed_words(failed: Sequence[Mapping[str, Any]]) -> str:
     return f"{len(failed)} failed: {counted}, {rest}"
 
 
-def _summary(judged: Sequence[VerdictEntry], failed: str) -> tuple[Cell, ...]:
+def _summary(judged: Sequence[Mapping[str, Any]], failed: str) -> tuple[Cell, ...]:
     """Numbers of verdicts by outcome; `failed`: words for those that failed."""
     counts = dict.fromkeys((*BAD, *ORDER), 0)
     for each in judged:
-        counts[each.outcome] = counts.get(each.outcome, 0) + 1
+        counts[each["outcome"]] = counts.get(each["outcome"], 0) + 1
     return tuple(
         badge(failed if outcome == "failed" else f"{count} {outcome.replace('_', ' ')}", outcome)
         for outcome, count in counts.items()
@@ -100,31 +98,26 @@ def _summary(judged: Sequence[VerdictEntry], failed: str) -> tuple[Cell, ...]:
     )
 
 
-def _weight(judged: VerdictEntry) -> tuple[int, int, str]:
-    place = SEVERITIES.index(judged.severity) if judged.severity in SEVERITIES else len(SEVERITIES)
-    return (BAD.index(judged.outcome), place, judged.id)
+def _weight(judged: Mapping[str, Any]) -> tuple[int, int, str]:
+    severity = judged["severity"]
+    place = SEVERITIES.index(severity) if severity in SEVERITIES else len(SEVERITIES)
+    return (BAD.index(judged["outcome"]), place, judged["id"])
 
 
-def _judged(verdict: Mapping[str, Any]) -> VerdictEntry:
-    id = str(verdict.get("id"))
-    place = anchor_of(id)
-    broken = verdict.get("outcome") in ("failed", "suspected")
-    return VerdictEntry(
-        id=id,
-        claim=broken_rule(verdict) if broken else str(verdict.get("claim", "")),
-        outcome=str(verdict.get("outcome")),
-        severity=str(verdict.get("severity", "")),
-        reason=str(verdict.get("reason") or ""),
-        cases=_cases(verdict),
-        findings=tuple(
-            FindingEntry(
-                facts=tuple((key, str(each[key])) for key in FACTS if each.get(key)),
-                program=str(each.get("reproducer") or ""),
-                anchor=f"program-{place}-{k}",
-            )
-            for k, each in enumerate(verdict.get("findings") or ())
-        ),
-    )
+def _judged(verdict: Mapping[str, Any]) -> dict[str, Any]:
+    """The verdict with what the page says in other words; a broken rule as what should hold."""
+    plain = {key: str(verdict.get(key) or "") for key in ("id", "outcome", "severity", "reason")}
+    broken = plain["outcome"] in ("failed", "suspected")
+    findings = [
+        {
+            "facts": [(key, str(each[key])) for key in FACTS if each.get(key)],
+            "program": str(each.get("reproducer") or ""),
+            "anchor": f"program-{anchor_of(plain['id'])}-{k}",
+        }
+        for k, each in enumerate(verdict.get("findings") or ())
+    ]
+    claim = broken_rule(verdict) if broken else str(verdict.get("claim", ""))
+    return {**plain, "claim": claim, "cases": _cases(verdict), "findings": findings}
 
 
 def _cases(verdict: Mapping[str, Any]) -> str:

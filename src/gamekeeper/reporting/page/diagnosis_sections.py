@@ -24,6 +24,7 @@ from gamekeeper.reporting.page.page_data import (
     badge,
     bounds,
     forest,
+    headings,
     interval,
     name,
     number,
@@ -94,15 +95,9 @@ def _answers(answers: Mapping[str, Document]) -> PageTable:
         for agents in groups.values()
         for found in [answers[agents[0]]]
     )
-    columns = (
-        "agents",
-        "answer",
-        "cause",
-        "reason",
-        "success unchanged",
-        "95 % interval",
-        "sufficient substitutes",
-        "judged by",
+    columns = headings(
+        "agents | answer | cause | reason | success unchanged | 95 % interval | "
+        "sufficient substitutes | judged by"
     )
     return PageTable("Answers by agent", columns, rows)
 
@@ -165,12 +160,9 @@ def _counterfactuals(document: Document, key: str) -> PageTable:
         for each in document.get("counterfactuals") or ()
         for place in [difference_place(each)]
     )
-    columns = (
-        "episode",
-        "intervention",
-        "first difference",
-        "counterfactual",
-        "if others repeat their actions",
+    columns = headings(
+        "episode | intervention | first difference | counterfactual | "
+        "if others repeat their actions"
     )
     return PageTable("Failed episodes and their counterfactuals", columns, rows)
 
@@ -249,18 +241,9 @@ def _contributions(agents: Mapping[str, Document]) -> PageTable:
         )
         for agent, part in agents.items()
     )
-    columns = (
-        "agent",
-        "own return",
-        "share",
-        "idle",
-        "difference",
-        "95 % interval",
-        "Shapley",
-        "95 % interval",
-        "all actions",
-        "95 % interval",
-        "lazy",
+    columns = headings(
+        "agent | own return | share | idle | difference | 95 % interval | Shapley | "
+        "95 % interval | all actions | 95 % interval | lazy"
     )
     note = (
         f"Of the recorded run, {'; '.join(RECORDED)}. With agents replaced in new episodes, "

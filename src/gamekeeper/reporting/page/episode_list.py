@@ -27,7 +27,7 @@ from gamekeeper.reporting.page.packed_episode import (
     packed_agents,
     packed_episode,
 )
-from gamekeeper.reporting.page.pivot_marks import pivot_marks, pivots_of, success_curve
+from gamekeeper.reporting.page.pivots_section import pivot_marks, pivots_of, success_curve
 from gamekeeper.reporting.page.player_drawing import DeclaredScene, Drawing, drawn
 from gamekeeper.reporting.page.scene_drawing import scene_of
 

@@ -13,6 +13,7 @@ from gamekeeper.reporting.page.page_data import (
     anchor_of,
     bounds,
     forest,
+    headings,
     interval,
     matrix,
     name,
@@ -118,20 +119,9 @@ def _flat(value: Any) -> str:
 def _results(results: Sequence[Document]) -> Iterator[PageTable]:
     """A table for each environment and metric; agents and roles before the team."""
     order = {"agent": 0, "role": 1, "team": 2}
-    columns = (
-        "of",
-        "scope",
-        "policy",
-        "run",
-        "episodes",
-        "mean",
-        "95 % interval",
-        "median",
-        "IQM",
-        "5 % to 95 %",
-        "success",
-        "95 % interval",
-        "endings",
+    columns = headings(
+        "of | scope | policy | run | episodes | mean | 95 % interval | median | IQM | "
+        "5 % to 95 % | success | 95 % interval | endings"
     )
     for title, rows in _by_metric(results).items():
         ranked = sorted(rows, key=lambda each: order.get(str(each.get("scope")), 3))
@@ -206,19 +196,9 @@ def _comparisons(document: Document) -> PageTable:
         for difference in [each.get("difference") or {}]
         for improvement in [each.get("improvement") or {}]
     )
-    columns = (
-        "environment",
-        "of",
-        "metric",
-        "A",
-        "B",
-        "n",
-        "unit",
-        f"A {MINUS} B",
-        "95 % interval",
-        "p",
-        "P(A > B)",
-        "95 % interval",
+    columns = headings(
+        f"environment | of | metric | A | B | n | unit | A {MINUS} B | 95 % interval | p | "
+        "P(A > B) | 95 % interval"
     )
     return PageTable("Differences between policies", columns, rows)
 

@@ -28,6 +28,7 @@ from gamekeeper.reporting.page.page_data import (
     PageTable,
     bounds,
     finite,
+    headings,
     name,
     number,
 )
@@ -189,14 +190,9 @@ def _nonstationary(phases: Sequence[LearningPhase]) -> PageTable:
                         number(len(two)),
                     )
                 )
-    columns = (
-        "agent with the same version",
-        "from phase",
-        "agents with a new version",
-        "change of return",
-        "95 % interval",
-        "episodes before",
-        "after",
+    columns = headings(
+        "agent with the same version | from phase | agents with a new version | "
+        "change of return | 95 % interval | episodes before | after"
     )
     note = f"An interval needs {FEWEST} episodes on both sides (Welch)." if rows else ""
     more = f" The first {MOST_ROWS} of {len(rows)}." if len(rows) > MOST_ROWS else ""

@@ -94,54 +94,20 @@ class PageBlock:
 
 
 @dataclass(frozen=True, slots=True)
-class FindingEntry:
-    """A finding, with its reproducer to copy.
-
-    Attributes:
-        facts: where, expected, actual, fix.
-        program: the reproducer; empty where there is none.
-        anchor: the address of the program on the page.
-    """
-
-    facts: tuple[tuple[str, str], ...]
-    program: str
-    anchor: str
-
-
-@dataclass(frozen=True, slots=True)
-class VerdictEntry:
-    """Verdict of one check.
-
-    Attributes:
-        id, outcome, severity, reason: as the audit has them.
-        claim: the rule; of a failed or suspected check, `Should hold: ` before it.
-        cases: number of cases, and of failed ones, in words.
-        findings: the first of them.
-    """
-
-    id: str
-    claim: str
-    outcome: str
-    severity: str
-    reason: str
-    cases: str
-    findings: tuple[FindingEntry, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
 class Verdicts:
     """All checks of an audit, the worst first.
 
     Attributes:
         summary: the counts in words, with the style of each.
-        bad: failed checks, then checks with an error.
-        rest: the others by outcome.
+        bad: verdicts of failed checks, then of checks with an error, as the audit has them; with
+            `cases` in words, and for each finding its `facts` and the `anchor` of its program.
+        rest: those of others by outcome.
         notes: remarks.
     """
 
     summary: tuple[Cell, ...] = ()
-    bad: tuple[VerdictEntry, ...] = ()
-    rest: tuple[tuple[str, tuple[VerdictEntry, ...]], ...] = ()
+    bad: tuple[Mapping[str, Any], ...] = ()
+    rest: tuple[tuple[str, tuple[Mapping[str, Any], ...]], ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -251,6 +217,11 @@ class Page:
     alerts: tuple[str, ...] = ()
     answers: tuple[Answer, ...] = ()
     not_asked: PageBlock | None = None
+
+
+def headings(text: str) -> tuple[str, ...]:
+    """The headings of a table out of one text, in which bars stand between them."""
+    return tuple(text.split(" | "))
 
 
 def name(text: object) -> Cell:

@@ -25,33 +25,10 @@ from gamekeeper.runs.standing import policy_words
 
 # Each part may use what those before it put into `gk`.
 PARTS: Final = (
-    "theme.js",
-    "nodes.js",
-    "episode.js",
-    "difference.js",
-    "pyramid.js",
-    "load.js",
-    "legend.js",
-    "lanes.js",
-    "lane_ink.js",
-    "ruler.js",
-    "scene.js",
-    "map.js",
-    "cells.js",
-    "drawing.js",
-    "table.js",
-    "timeline.js",
-    "deck.js",
-    "gallery.js",
-    "list.js",
-    "charts.js",
-    "icons.js",
-    "fan.js",
-    "play_on.js",
-    "jumps.js",
-    "player.js",
-    "keys.js",
-    "start.js",
+    *("theme.js", "nodes.js", "episode.js", "difference.js", "pyramid.js", "load.js", "legend.js"),
+    *("lanes.js", "lane_ink.js", "ruler.js", "scene.js", "map.js", "cells.js", "drawing.js"),
+    *("table.js", "timeline.js", "deck.js", "gallery.js", "list.js", "charts.js"),
+    *("icons.js", "fan.js", "play_on.js", "jumps.js", "player.js", "keys.js", "start.js"),
 )
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper import import_guard
-from gamekeeper.errors import DependencyError, GamekeeperError
+from gamekeeper.errors import DependencyError, GamekeeperError, not_installed
 from gamekeeper.rollouts.executors.local import StayingWorker
 from gamekeeper.rollouts.executors.task import Limits, WorkTask
 
@@ -150,12 +150,7 @@ def the_ray() -> Any:
     try:
         import ray
     except ImportError as error:
-        raise DependencyError(
-            "Ray isn't installed",
-            where="executor ray",
-            actual=str(error),
-            fix="pip install 'gamekeeper[ray]', on every node",
-        ) from error
+        raise not_installed(error, "Ray", "ray", "executor ray", ", on every node") from error
     return ray
 
 

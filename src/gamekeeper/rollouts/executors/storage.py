@@ -7,8 +7,6 @@ is complete, so that there it is written under its own name at once (a rename th
 copy). A folder isn't put in one step: whoever puts one says so afterwards, in a receipt.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -17,7 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, Final
+from typing import Any, Final, Self
 from urllib.parse import urlsplit
 
 from gamekeeper.errors import RunError
@@ -49,7 +47,7 @@ class Storage:
         self.place, self.folder = place, folder
 
     @classmethod
-    def at(cls, place: str | os.PathLike[str]) -> Storage:
+    def at(cls, place: str | os.PathLike[str]) -> Self:
         """The storage at a path or URL (`s3://bucket/runs`, `gs://...`, `file:///...`).
 
         A folder needn't exist yet. Credentials come from where their owner's tools look for them.

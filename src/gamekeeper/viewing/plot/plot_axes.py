@@ -8,7 +8,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import DependencyError
+from gamekeeper.errors import not_installed
 from gamekeeper.runs.load_run import load
 
 if TYPE_CHECKING:
@@ -18,14 +18,8 @@ Run: TypeAlias = Evidence | str | PathLike[str]
 """Evidence, or the folder of a run."""
 
 COLORS: Final = (
-    "#0072b2",
-    "#d55e00",
-    "#009e73",
-    "#b0578d",
-    "#b87d00",
-    "#2a9fd6",
-    "#6b5b95",
-    "#4d4d4d",
+    *("#0072b2", "#d55e00", "#009e73", "#b0578d"),
+    *("#b87d00", "#2a9fd6", "#6b5b95", "#4d4d4d"),
 )
 """Colours of agents by their place, as in the player in light."""
 RAMP: Final = "cividis"
@@ -54,12 +48,7 @@ def axes(ax: Axes | None, *, rows: int | None = None) -> Axes:
     try:
         pyplot: Any = import_module("matplotlib.pyplot")
     except ImportError as error:
-        raise DependencyError(
-            "matplotlib isn't installed",
-            where="gk.plot",
-            actual=str(error),
-            fix="pip install 'gamekeeper[plot]'",
-        ) from error
+        raise not_installed(error, "matplotlib", "plot", "gk.plot") from error
     height = 4.0 if rows is None else 1.4 + ROW * max(rows, 2)
     made: Axes = pyplot.subplots(figsize=(WIDTH, height), layout="constrained")[1]
     return made

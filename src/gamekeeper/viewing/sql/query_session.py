@@ -19,7 +19,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.errors import DependencyError, GamekeeperError, RunError
+from gamekeeper.errors import DependencyError, GamekeeperError, RunError, not_installed
 from gamekeeper.reporting.results_text import few
 from gamekeeper.runs.files.folder import output_path
 from gamekeeper.viewing.sql.evidence_places import EvidencePlaces, places_of
@@ -341,12 +341,7 @@ def _duckdb() -> Any:
     try:
         import duckdb
     except ImportError as error:
-        raise DependencyError(
-            "DuckDB isn't installed",
-            where="query",
-            actual=str(error),
-            fix="pip install 'gamekeeper[query]'",
-        ) from error
+        raise not_installed(error, "DuckDB", "query", "query") from error
     return duckdb
 
 

@@ -16,26 +16,11 @@ from gamekeeper.errors import GamekeeperError
 EXPLAIN: Final = re.compile(r"\s*explain\b(\s+analyze\b)?", re.IGNORECASE)
 NODES: Final = frozenset(
     (
-        "SELECT_NODE",
-        "SET_OPERATION_NODE",
-        "RECURSIVE_CTE_NODE",
-        "CTE_NODE",
-        "BASE_TABLE",
-        "SUBQUERY",
-        "JOIN",
-        "TABLE_FUNCTION",
-        "EMPTY",
-        "EXPRESSION_LIST",
-        "SHOW_REF",
-        "PIVOT",
-        "COLUMN_DATA",
-        "ORDER_MODIFIER",
-        "LIMIT_MODIFIER",
-        "LIMIT_PERCENT_MODIFIER",
-        "DISTINCT_MODIFIER",
-        "ORDER_DEFAULT",
-        "ASCENDING",
-        "DESCENDING",
+        *("SELECT_NODE", "SET_OPERATION_NODE", "RECURSIVE_CTE_NODE", "CTE_NODE"),
+        *("BASE_TABLE", "SUBQUERY", "JOIN", "TABLE_FUNCTION", "EMPTY", "EXPRESSION_LIST"),
+        *("SHOW_REF", "PIVOT", "COLUMN_DATA"),
+        *("ORDER_MODIFIER", "LIMIT_MODIFIER", "LIMIT_PERCENT_MODIFIER", "DISTINCT_MODIFIER"),
+        *("ORDER_DEFAULT", "ASCENDING", "DESCENDING"),
     )
 )
 """Nodes of statements, of FROM, and of orders and limits; expressions have a class instead."""
@@ -43,23 +28,10 @@ TYPE_INFO: Final = "_TYPE_INFO"
 """Ending of the kinds of nodes that describe a column's type."""
 TABLES: Final = frozenset(
     (
-        "unnest",
-        "range",
-        "generate_series",
-        "repeat",
-        "repeat_row",
-        "json_each",
-        "json_tree",
-        "query_table",
-        "histogram",
-        "histogram_values",
-        "duckdb_columns",
-        "duckdb_functions",
-        "duckdb_keywords",
-        "duckdb_secrets",
-        "duckdb_settings",
-        "duckdb_types",
-        "duckdb_views",
+        *("unnest", "range", "generate_series", "repeat", "repeat_row", "query_table"),
+        *("json_each", "json_tree", "histogram", "histogram_values"),
+        *("duckdb_columns", "duckdb_functions", "duckdb_keywords", "duckdb_secrets"),
+        *("duckdb_settings", "duckdb_types", "duckdb_views"),
     )
 )
 """Functions whose tables depend only on their arguments, the views or DuckDB itself."""

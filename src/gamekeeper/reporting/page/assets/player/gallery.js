@@ -107,8 +107,6 @@ gk.Gallery = class {
     const parts = [entry.spark ? lineOf(entry.spark) : "", entry.acts ? barsOf(entry.acts) : "", gk.node("small", { text: `${entry.episode}: ${gk.number(entry.team)}` })];
     const kind = `tile${entry.failing ? " failing" : ""}`;
     if (!entry.packed) return gk.node("span", { class: kind, title: said }, ...parts);
-    const made = gk.node("button", { type: "button", class: kind, "aria-label": `Play: ${said}`, title: said }, ...parts);
-    made.addEventListener("click", () => this.open(entry));
-    return made;
+    return gk.button(() => this.open(entry), { class: kind, "aria-label": `Play: ${said}`, title: said }, ...parts);
   }
 };

@@ -33,9 +33,7 @@ gk.jumpsOf = (every, { several, go }) => {
     const side = several && !mark.both ? `${mark.side}: ` : "";
     const sign = gk.node("span", { "aria-hidden": "true", class: isQuiet(mark) ? "sign sign-quiet" : "sign", text: gk.markSign(mark) });
     const kind = gk.own(gk.MARKS, mark.kind) ? mark.kind : "other";
-    const button = gk.node("button", { type: "button", class: `jump jump-${kind}`, title: gk.markText(mark) }, sign, ` ${turnText(mark)}: `, gk.name(`${side}${gk.markText(mark)}`));
-    button.addEventListener("click", () => go(mark));
-    return button;
+    return gk.button(() => go(mark), { class: `jump jump-${kind}`, title: gk.markText(mark) }, sign, ` ${turnText(mark)}: `, gk.name(`${side}${gk.markText(mark)}`));
   });
   const more = marks.length - made.length;
   return more > 0 ? [...made, gk.node("span", { class: "note", text: `and ${more} more: [ and ] reach them` })] : made;

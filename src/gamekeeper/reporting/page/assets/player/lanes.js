@@ -86,11 +86,7 @@ gk.Lanes = class {
   }
 
   #zooms() {
-    const button = (text, label, work) => {
-      const made = gk.node("button", { type: "button", text, "aria-label": label, title: label });
-      made.addEventListener("click", work);
-      return made;
-    };
+    const button = (text, label, work) => gk.button(work, { text, "aria-label": label, title: label });
     return gk.node(
       "div",
       { class: "lanes-zooms", role: "group", "aria-label": "Zoom of the lanes" },
@@ -246,8 +242,7 @@ gk.Lanes = class {
   #nameLanes(from, past, top) {
     while (this.pool.length < past - from) {
       const words = gk.node("span", { class: "lane-words" }, gk.node("bdi"), gk.node("small", { hidden: this.height === CLOSE }));
-      const made = gk.node("button", { type: "button", class: "lane-name" }, gk.node("i", { "aria-hidden": "true" }), words);
-      made.addEventListener("click", () => this.pick(this.episode.agents[made.agent].name));
+      const made = gk.button(() => this.pick(this.episode.agents[made.agent].name), { class: "lane-name" }, gk.node("i", { "aria-hidden": "true" }), words);
       this.pool.push(made);
       this.names.append(made);
     }

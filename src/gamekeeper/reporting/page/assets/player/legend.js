@@ -39,7 +39,8 @@ gk.legendOf = (episode, marks) => {
   const items = keys.map(([kind, text]) => key(gk.node("i", { class: kind, "aria-hidden": "true" }), text));
   const kinds = new Set(marks.map((mark) => mark.kind));
   const signs = Object.entries(MEANINGS).filter(([kind]) => kinds.has(kind));
-  items.push(...signs.map(([kind, text]) => key(gk.node("span", { class: `sign sign-${kind}`, "aria-hidden": "true", text: gk.markSign({ kind }) }), text)));
+  const isQuiet = gk.quietOf(marks);
+  items.push(...signs.map(([kind, text]) => key(gk.node("span", { class: isQuiet({ kind }) ? "sign-quiet" : "sign", "aria-hidden": "true", text: gk.markSign({ kind }) }), text)));
   items.push(...gk.roleWords(episode).map((text) => gk.node("span", { class: "key", text })));
   if (gk.coloursRepeat()) items.push(gk.node("span", { class: "key", text: "more agents than colours: they repeat, names and shapes tell apart" }));
   return items;

@@ -28,23 +28,18 @@ gk.EpisodeList = class {
     this.words.addEventListener("input", again);
     const table = gk.node("table", { class: "data" }, gk.node("caption", { text: "Episodes" }), gk.node("thead", {}, this.head), this.body);
     const region = gk.node("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "Episodes" }, table);
-    this.earlier = this.#pageButton("Earlier", -AT_ONCE);
-    this.later = this.#pageButton("Later", AT_ONCE);
+    const step = (by) => () => {
+      this.from = Math.max(0, this.from + by);
+      this.draw();
+    };
+    this.earlier = gk.button(step(-AT_ONCE), { text: "Earlier" });
+    this.later = gk.button(step(AT_ONCE), { text: "Later" });
     const pager = gk.node("p", { class: "pager" }, this.earlier, this.range, this.later);
     const choice = gk.node("p", { class: "list-choice" }, gk.node("label", {}, "Show ", this.filter), gk.node("label", {}, "that have ", this.words));
     this.gallery = new gk.Gallery(open);
     const summary = gk.node("summary");
     this.summary = summary;
     this.root = gk.node("details", { class: "episode-list", open: gk.served }, summary, choice, this.gallery.root, region, pager);
-  }
-
-  #pageButton(text, by) {
-    const made = gk.node("button", { type: "button", text });
-    made.addEventListener("click", () => {
-      this.from = Math.max(0, this.from + by);
-      this.draw();
-    });
-    return made;
   }
 
   fill(entries) {
@@ -107,15 +102,14 @@ gk.EpisodeList = class {
     const cell = gk.node("th", { scope: "col", class: number ? "num" : null, "aria-sort": sorted });
     if (!key) return gk.node("th", { scope: "col", text: title });
     const sign = sorted ? gk.node("span", { "aria-hidden": "true", text: this.down ? " ↓" : " ↑" }) : "";
-    const button = gk.node("button", { type: "button", class: "sort", title: "Sort by this" }, gk.name(title), sign);
-    button.addEventListener("click", () => {
+    const sort = () => {
       this.down = this.sort === key ? !this.down : Boolean(number);
       this.sort = key;
       this.from = 0;
       this.draw();
       this.head.querySelector("[aria-sort] button")?.focus();
-    });
-    cell.append(button);
+    };
+    cell.append(gk.button(sort, { class: "sort", title: "Sort by this" }, gk.name(title), sign));
     return cell;
   }
 
@@ -159,9 +153,7 @@ gk.EpisodeList = class {
     if (!entry.packed) return gk.node("td", { class: "note", text: "numbers only" });
     const button = (text, work) => {
       const label = `${text} episode ${entry.episode} of run ${gk.visible(entry.run)}`;
-      const made = gk.node("button", { type: "button", text, "aria-label": label });
-      made.addEventListener("click", () => work(entry));
-      return made;
+      return gk.button(() => work(entry), { text, "aria-label": label });
     };
     return gk.node("td", { class: "buttons" }, button("Play", this.open), " ", button("Beside", this.beside));
   }

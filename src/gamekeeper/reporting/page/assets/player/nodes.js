@@ -17,6 +17,13 @@ gk.node = (tag, attributes = {}, ...children) => {
   return made;
 };
 
+// A button with its attributes (`text`, or children) that does `work` when it is pressed.
+gk.button = (work, attributes = {}, ...children) => {
+  const made = gk.node("button", { type: "button", ...attributes }, ...children);
+  made.addEventListener("click", work);
+  return made;
+};
+
 // An element of a drawing; its attributes are numbers and names of ours.
 gk.svg = (tag, attributes = {}, text = null) => {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);

@@ -37,15 +37,10 @@ gk.PlayOn = class {
     this.policy = gk.node("select", { "aria-label": "Policy", hidden: true });
     this.count = gk.node("input", { type: "number", min: "2", max: String(gk.page.play_on.most), value: String(FUTURES), "aria-label": "Number of futures" });
     for (const choice of [this.who, this.kind]) choice.addEventListener("change", () => this.#fill());
-    const button = (text, title, work) => {
-      const made = gk.node("button", { type: "button", text, title });
-      made.addEventListener("click", () => this.#guarded(work));
-      return made;
-    };
+    const button = (text, title, work) => gk.button(() => this.#guarded(work), { text, title });
     this.one = button("Play one", "On the recorded draws: all else goes on drawing as it did", () => this.#one(null));
     this.many = button("Play many", "On fresh draws, each as it was and as changed", () => this.#many());
-    this.stop = gk.node("button", { type: "button", text: "Stop", hidden: true });
-    this.stop.addEventListener("click", () => gk.order("stop", {}).catch(() => {}));
+    this.stop = gk.button(() => gk.order("stop", {}).catch(() => {}), { text: "Stop", hidden: true });
     this.status = gk.node("p", { role: "status" });
     this.error = gk.node("p", { class: "warning", role: "alert", hidden: true });
     this.keep = button("Keep as evidence", "Written beside the run; verified by replay", () => this.#keep());

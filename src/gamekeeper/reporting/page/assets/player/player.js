@@ -36,11 +36,7 @@ gk.Player = class {
   }
 
   #controls() {
-    const button = (sign, label, work) => {
-      const made = gk.node("button", { type: "button", "aria-label": label, title: label }, gk.icon(sign));
-      made.addEventListener("click", work);
-      return made;
-    };
+    const button = (sign, label, work) => gk.button(work, { "aria-label": label, title: label }, gk.icon(sign));
     this.play = button("play", "Play (space)", () => this.toggle());
     const mark = (by) => () => this.toMark(by);
     const buttons = [
@@ -62,8 +58,7 @@ gk.Player = class {
     const speed = gk.node("span", { class: "speed" }, slower, this.pace, button("faster", "Faster (+)", () => this.faster(1)));
     this.slider = gk.node("input", { type: "range", min: "0", max: "0", value: "0", step: "1", "aria-label": "Turn", class: "scrub" });
     this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
-    this.ranging = gk.node("button", { type: "button", class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
-    this.ranging.addEventListener("click", () => this.mark(this.anchor === null ? this.turn : null));
+    this.ranging = gk.button(() => this.mark(this.anchor === null ? this.turn : null), { class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
     this.number = gk.node("input", { type: "number", min: "0", value: "0", "aria-label": "Go to turn", title: "Go to turn" });
     this.number.addEventListener("input", () => this.number.value !== "" && this.to(Number(this.number.value)));
     this.until = gk.node("span");

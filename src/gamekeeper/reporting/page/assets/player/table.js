@@ -85,11 +85,7 @@ gk.TurnTable = class {
       this.from = Math.max(0, this.from + by);
       this.show(this.turn, this.other);
     };
-    const button = (text, by) => {
-      const made = gk.node("button", { type: "button", text });
-      made.addEventListener("click", step(by));
-      return made;
-    };
+    const button = (text, by) => gk.button(step(by), { text });
     this.range = gk.node("span");
     return gk.node("p", { class: "pager", hidden: true }, button("Earlier agents", -AT_ONCE), this.range, button("Later agents", AT_ONCE));
   }
