@@ -120,14 +120,14 @@ def case(kind: str, number: int) -> dict[str, Any]:
     }
 
 
-def wronged(traces: Iterable[Any]) -> dict[str, list[float]]:
+def wronged(episodes: Iterable[Any]) -> dict[str, list[float]]:
     """Of the collisions that each agent paid for: in which part it stood still, by the rules.
 
     And in which part standing still would have spared it nothing, as another wanted its cell.
     """
     found: dict[str, list[tuple[bool, bool]]] = {}
-    for trace in traces:
-        for turn in trace.turns:
+    for episode in episodes:
+        for turn in episode.turns:
             at = {a: tuple(map(int, info["position"])) for a, info in turn.infos.items()}
             to = {
                 a: (at[a][0] + STEPS[int(x)][0], at[a][1] + STEPS[int(x)][1])

@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.forms.form import Form
 from gamekeeper.auditing.gather import gather, session_of
-from gamekeeper.auditing.measured import PROBES, measured
+from gamekeeper.auditing.measured_form import PROBES, measured
 from gamekeeper.auditing.probe import probes
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract

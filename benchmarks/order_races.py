@@ -20,7 +20,7 @@ from pettingzoo import ParallelEnv
 
 from gamekeeper.auditing.gather import gather, session_of
 from gamekeeper.auditing.probes import dictionary_order
-from gamekeeper.checks.facts.play_facts import OrderOutcome
+from gamekeeper.checks.facts.episode_facts import OrderOutcome
 from gamekeeper.interface.opening import open_env
 
 MOVES = ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0))

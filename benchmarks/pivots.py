@@ -86,10 +86,10 @@ class Blunder:
 
 def recorded(evidence: gk.Evidence, episode: int, env: Any) -> tuple[int, list[Actions]]:
     """Seed and actions of an episode."""
-    trace = evidence.episode(episode)
+    episode = evidence.episode(episode)
     known = {str(agent): agent for agent in env.possible_agents}
-    turns = [turn for turn in trace.turns if turn.order]
-    return trace.seed, [{known[a]: turn.actions.get(a) for a in turn.order} for turn in turns]
+    turns = [turn for turn in episode.turns if turn.order]
+    return episode.seed, [{known[a]: turn.actions.get(a) for a in turn.order} for turn in turns]
 
 
 def failing(task: Task, policy: Any, seed: int, episodes: int = 1) -> tuple[gk.Evidence, list[int]]:

@@ -224,13 +224,13 @@ def success(planted: Planted, **changed: Any) -> float:
     """The share of episodes that don't fail, by plain rollouts on seeds of their own."""
     evidence = rollout(planted, seed=SEED, episodes=EPISODES, **changed)
     good = 0
-    for trace in evidence.episodes:
+    for episode in evidence.episodes:
         if planted.task == "two_robot_line":
-            good += int(trace.header["turns"]) <= 24
+            good += int(episode.header["turns"]) <= 24
         elif planted.task == "handover":
-            good += set(trace.endings.values()) == {"done"}
+            good += set(episode.endings.values()) == {"done"}
         else:
-            good += set(trace.endings.values()) == {"cleared"}
+            good += set(episode.endings.values()) == {"cleared"}
     return good / EPISODES
 
 

@@ -47,7 +47,7 @@ from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.parts.part_plan import FOLDER, key_of
 from gamekeeper.runs.parts.part_tasks import merge, part_task
 from gamekeeper.runs.parts.receipts import Receipt, receipt_of
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
 TASKS: Final = {"two_robot_line": "two_robot_line", "spread": SPREAD, "warehouse": "warehouse"}
@@ -91,12 +91,12 @@ def tallied(spec: str, agent_steps: int) -> tuple[float, int]:
     """
     env = open_env(spec).env
     capture_of(env)
-    cast = cast_of("random", env, None)
+    joint_policy = joint_policy_of("random", env, None)
     about = episodes = 0
     begun_s = cpu_s()
     while about < agent_steps:
         play = EpisodePlan(seed=episode_seed(0, episodes), stream=episodes)
-        outcome = tally(play, env, cast=cast)
+        outcome = tally(play, env, joint_policy=joint_policy)
         about += max(outcome.turns, 1) * len(outcome.returns)
         episodes += 1
     seconds = cpu_s() - begun_s

@@ -206,7 +206,7 @@ class SelfPlay:
         rows = np.flatnonzero(slots.acting)
         after[rows] = self.choose(rows)[-1]
         found = (rewards, values, acted, ends, after, slots.acting)
-        better, known = decided(*found, gamma=args.discount, trace=args.trace)
+        better, known = decided(*found, gamma=args.discount, gae_lambda=args.trace)
         arrays = (np.take_along_axis(one, np.array(places), 1) for one in (better, values, known))
         better, values, known = map(torch.from_numpy, arrays)
         *columns, is_own = (torch.stack(column) for column in zip(*kept, strict=True))

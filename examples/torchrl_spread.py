@@ -124,7 +124,7 @@ class Learner:
             for group, critic in self.critics.items():
                 for when in (batch, batch["next"]):
                     when[group, "state_value"] = critic(when[group, "observation"])
-        adapter.advantages(batch, self.env.group_map, gamma=GAMMA, trace=TRACE)
+        adapter.advantages(batch, self.env.group_map, gamma=GAMMA, gae_lambda=TRACE)
         rows = {group: adapter.decisions(batch, group) for group in self.losses}
         for _ in range(EPOCHS):
             for group, loss in self.losses.items():

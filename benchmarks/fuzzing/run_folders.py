@@ -66,8 +66,8 @@ def read_all(folder: Path) -> None:
     """Reads a run as every command does."""
     evidence = gk.load(folder)
     evidence.summary.to_json()
-    for trace in evidence.episodes:
-        for turn in trace.turns:
+    for episode in evidence.episodes:
+        for turn in episode.turns:
             for name in ("rewards", "infos", "ended", "observations", "actions"):
                 getattr(turn, name)
     read_notes(folder)

@@ -132,9 +132,9 @@ def modules(package: str) -> list[str]:
     return sorted(names)
 
 
-def _broken(entry: EntryPoint, error: str, trace: str = "") -> BrokenPlugin:
+def _broken(entry: EntryPoint, error: str, traceback: str = "") -> BrokenPlugin:
     owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"
-    return BrokenPlugin(entry.name, entry.group, f"{owner} ({entry.value})", error, trace)
+    return BrokenPlugin(entry.name, entry.group, f"{owner} ({entry.value})", error, traceback)
 
 
 def _text(error: BaseException) -> str:

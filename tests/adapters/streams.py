@@ -1,4 +1,4 @@
-"""An agent's stream of decisions: as a trace has it, and as whoever steps slots has it."""
+"""An agent's stream of decisions: as an episode has it, and as whoever steps slots has it."""
 
 from __future__ import annotations
 
@@ -80,9 +80,9 @@ def bare(observation: Any) -> Any:
     return rest if len(rest) > 1 else next(iter(rest.values()))
 
 
-def of_trace(trace: Any, agent: str) -> Stream | None:
-    """What a trace says of an agent; None where it never came."""
-    stream, last, turns = Stream(), None, list(trace.turns)
+def of_episode(episode: Any, agent: str) -> Stream | None:
+    """What an episode says of an agent; None where it never came."""
+    stream, last, turns = Stream(), None, list(episode.turns)
     for turn in turns:
         if agent in turn.rewards and agent not in turn.order:
             stream.pay(turn.rewards[agent])
@@ -161,7 +161,7 @@ def _mask(slots: Any, mask: Any, has_masks: bool) -> Any:
 
 
 def same(one: Stream, two: Stream, *, paid: float = 1e-9) -> None:
-    """Asserts that both say the same: `one` of a trace, `two` of a slot."""
+    """Asserts that both say the same: `one` of an episode, `two` of a slot."""
     assert len(one.seen) == len(two.seen)
     for first, second in zip(one.seen, two.seen, strict=True):
         _equal(first, second)

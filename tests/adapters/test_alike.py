@@ -11,9 +11,9 @@ from gymnasium import spaces
 
 import gamekeeper as gk
 from gamekeeper.adapters import requirements
-from gamekeeper.adapters.alike import alike
 from gamekeeper.adapters.requirements import role_of
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.adapters.shared_observations import alike
+from gamekeeper.runs.recording import joint_policy_of
 from tests.adapters import ledger
 
 
@@ -65,7 +65,7 @@ class PairInTurn(_Pair, gk.TurnEnv):
 def found(kind: Any, api: str, **kwargs: Any) -> Any:
     """What is alike in an environment of this kind."""
     env = kind(**kwargs)
-    return alike(env, cast_of("random", env, None), api, lambda agent: role_of(None, agent))
+    return alike(env, joint_policy_of("random", env, None), api, lambda agent: role_of(None, agent))
 
 
 @pytest.mark.parametrize(("kind", "api"), [(Pair, "parallel"), (PairInTurn, "aec")])

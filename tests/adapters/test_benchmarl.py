@@ -127,9 +127,9 @@ def test_seeds_are_the_experiments() -> None:
     made = task("warehouse", check=None, engine="kernel")
     env = made.get_env_fun(2, False, 7, "cpu")()
     seen = env.reset()["picker", "observation"]
-    traces = list(gk.rollout("warehouse", policies="noop", episodes=2, seed=7).episodes)
-    for copy, trace in enumerate(traces):
-        first = trace.turns[0]
+    episodes = list(gk.rollout("warehouse", policies="noop", episodes=2, seed=7).episodes)
+    for copy, episode in enumerate(episodes):
+        first = episode.turns[0]
         np.testing.assert_array_equal(
             np.asarray(first.observations["picker_0"], np.float32).ravel(), seen[copy, 0].numpy()
         )

@@ -45,7 +45,7 @@ def test_decided_is_the_usual_estimate_where_everybody_acts(seed: int, steps: in
         np.array([last]),
         np.array([True]),
         gamma=GAMMA,
-        trace=TRACE,
+        gae_lambda=TRACE,
     )
     assert valid.all()
     np.testing.assert_allclose(usual(rewards, values, ends, last), found[:, 0], atol=1e-12)
@@ -64,7 +64,7 @@ def test_decided_gives_a_reward_to_the_last_action(seed: int, acts: list[bool]) 
         np.array([last]),
         np.array([True]),
         gamma=GAMMA,
-        trace=TRACE,
+        gae_lambda=TRACE,
     )
     places = np.flatnonzero(acted)
     bounds = [*places.tolist(), len(acts)]
@@ -86,7 +86,7 @@ def test_decided_leaves_out_what_is_still_open() -> None:
         np.zeros(1),
         np.array([False]),
         gamma=GAMMA,
-        trace=TRACE,
+        gae_lambda=TRACE,
     )
     assert valid[:, 0].tolist() == [True, False, False]
 
@@ -96,7 +96,14 @@ def test_decided_pays_an_end_while_waiting_to_the_last_action() -> None:
     rewards, values = np.array([[0.0], [-1.0], [0.0]]), np.zeros((3, 1))
     acted, ends = np.array([[True], [False], [True]]), np.array([[False], [True], [False]])
     found, valid = decided(
-        rewards, values, acted, ends, np.array([5.0]), np.array([True]), gamma=GAMMA, trace=TRACE
+        rewards,
+        values,
+        acted,
+        ends,
+        np.array([5.0]),
+        np.array([True]),
+        gamma=GAMMA,
+        gae_lambda=TRACE,
     )
     assert found[0, 0] == -1.0
     assert valid[:, 0].tolist() == [True, False, True]

@@ -62,8 +62,8 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any, limit: int | 
     env = made(spec, env_kwargs=kwargs, time_limit=limit, seed=5, common_reward=None)
     told = played(env)
     evidence = gk.rollout(spec, policies="first-legal", episodes=1, seed=5, env_kwargs=kwargs)
-    trace = evidence.episodes[0]
-    turns = [t for t in trace.turns if any(a is not None for a in t.actions.values())]
+    episode = evidence.episodes[0]
+    turns = [t for t in episode.turns if any(a is not None for a in t.actions.values())]
     assert len(turns) == len(told)
     for turn, row in zip(turns, told, strict=True):
         for i, agent in enumerate(env.agents):
@@ -73,9 +73,9 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any, limit: int | 
                 np.testing.assert_array_equal(seen, row["obs"][i][: len(seen)])
                 assert not row["obs"][i][len(seen) :].any()
     for i, agent in enumerate(env.agents):
-        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
+        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in episode.turns)
         assert sum(row["rewards"][i] for row in told) == pytest.approx(paid)
-    rows = trace.steps.to_pylist()
+    rows = episode.steps.to_pylist()
     for place, name in enumerate(("terminated", "truncated")):
         recorded = {row["agent"] for row in rows if row[name]}
         ended = np.any([row["ends"][place] for row in told], axis=0)

@@ -17,7 +17,7 @@ import gamekeeper as gk
 from gamekeeper.adapters.gymnasium import joint, single_agent, vector
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.policy import EVERYONE
-from tests.adapters.streams import ByWhatIsSeen, Stream, bare, chosen, of_trace, same
+from tests.adapters.streams import ByWhatIsSeen, Stream, bare, chosen, of_episode, same
 
 SPREAD = "mpe2.simple_spread_v3:parallel_env"
 WORLDS = str(Path(__file__).parent.parent / "vector" / "worlds.py")
@@ -75,7 +75,7 @@ def test_single_agent_shows_what_is_recorded(spec: str, agent: str, others: Any)
     mine = ByWhatIsSeen(env.action_space)
     named = others if isinstance(others, dict) else {EVERYONE: others}
     played = gk.rollout(spec, policies={**named, agent: mine}, episodes=1, seed=3)
-    recorded = of_trace(played.episodes[0], agent)
+    recorded = of_episode(played.episodes[0], agent)
     assert recorded is not None
     recorded.before = 0.0  # lost, as its table says
 
@@ -201,7 +201,10 @@ def test_vector_counts_as_gymnasiums_own_wrapper_does(mode: Any) -> None:
     """Returns and lengths of every agent's episodes are those of the recorded run."""
     evidence = gk.rollout(SPREAD, policies=lambda *told: 0, episodes=4, seed=2)
     truth = [
-        [sum(turn.rewards.get(agent, 0.0) for turn in trace.turns) for trace in evidence.episodes]
+        [
+            sum(turn.rewards.get(agent, 0.0) for turn in episode.turns)
+            for episode in evidence.episodes
+        ]
         for agent in ("agent_0", "agent_1", "agent_2")
     ]
     venv = vector(SPREAD, 2, autoreset=mode, seed=2)

@@ -71,13 +71,15 @@ def same(one: Any, two: Any) -> None:
 
 @pytest.mark.parametrize("spec", ["two_robot_line", "handover", "warehouse", TAG, TICTACTOE, Shift])
 def test_data_set_holds_each_agents_decisions(spec: Any, tmp_path: Path) -> None:
-    """What it saw, n + 1 of it, did and was paid in between; ends and seeds: as in the trace."""
+    """What it saw, n + 1 of it, did and was paid in between; ends and seeds: as in the episode."""
     evidence = gk.rollout(spec, episodes=2, seed=5, policies="first-legal")
     sets, written = exported(evidence, tmp_path)
     for agent in written.agents:
         dataset, places = sets[agent], iter(range(99))
-        for trace in evidence.episodes:
-            turns = [t for t in trace.turns if agent in t.actions and t.actions[agent] is not None]
+        for episode in evidence.episodes:
+            turns = [
+                t for t in episode.turns if agent in t.actions and t.actions[agent] is not None
+            ]
             if not turns:  # a spare that nobody needed
                 continue
             number = next(places)
@@ -92,14 +94,16 @@ def test_data_set_holds_each_agents_decisions(spec: Any, tmp_path: Path) -> None
                 assert episode.infos["turn"][row] == turn.index
                 if agent in turn.masks and "action_mask" in turn.infos[agent]:
                     same(turn.masks[agent], episode.infos["action_mask"][row])
-            total = sum(t.rewards.get(agent, 0.0) for t in trace.turns if t.index >= turns[0].index)
+            total = sum(
+                t.rewards.get(agent, 0.0) for t in episode.turns if t.index >= turns[0].index
+            )
             assert episode.rewards.sum() == pytest.approx(total)
-            last = [t for t in trace.turns if agent in t.terminated][-1]
+            last = [t for t in episode.turns if agent in t.terminated][-1]
             assert episode.terminations[-1] == last.terminated[agent]
             assert episode.truncations[-1] == last.truncated[agent]
             assert not episode.terminations[:-1].any()
             told = next(iter(dataset.storage.get_episode_metadata([number])))
-            assert told["seed"] == trace.seed
+            assert told["seed"] == episode.seed
             assert told["gamekeeper"]["end"] == "ended"
 
 
@@ -225,15 +229,15 @@ def test_data_set_of_others_is_one_agent(tmp_path: Path, monkeypatch: pytest.Mon
     )
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     evidence = load(name, agent="cart")
-    trace = evidence.episodes[0]
-    turns = list(trace.turns)
+    episode = evidence.episodes[0]
+    turns = list(episode.turns)
     assert [turn.actions.get("cart") for turn in turns] == [2, 3, None]
     np.testing.assert_array_equal(seen, [turn.observations["cart"] for turn in turns])
     assert [turn.cumulative_reward["cart"] for turn in turns] == [0.0, 1.0, 2.0]
     assert [turn.infos["cart"]["speed"] for turn in turns] == [0.5, 0.25, 0.125]
     assert turns[-1].terminated["cart"]
-    assert trace.seed is None
-    assert trace.header["policies"] is None
+    assert episode.seed is None
+    assert episode.header["policies"] is None
     assert evidence.timings is None
     imported = evidence.manifest["environment"]["imported"]
     assert (imported["dataset_id"], imported["author"]) == (name, ["Ada"])

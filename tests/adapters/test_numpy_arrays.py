@@ -32,18 +32,18 @@ def exported(run: Any, out: Path, **options: Any) -> Any:
 
 @pytest.mark.parametrize("spec", ["two_robot_line", "handover", "warehouse", TAG, Shift])
 def test_arrays_hold_every_row_of_the_trace(spec: Any, tmp_path: Path) -> None:
-    """Observations, actions, rewards, ends and masks stand as the trace has them, row by row."""
+    """Observations, actions, rewards, ends and masks stand as the episode has them, row by row."""
     evidence = gk.rollout(spec, episodes=2, seed=3)
     arrays, written = exported(evidence, tmp_path / "run")
     assert written.rows == evidence.agent_steps.num_rows
     places = dict.fromkeys(written.agents, 0)
-    for trace in evidence.episodes:
-        for turn in trace.turns:
+    for episode in evidence.episodes:
+        for turn in episode.turns:
             for agent in turn.agents:
                 row, head = places[agent], f"{agent}/"
                 places[agent] += 1
                 key = (arrays[head + "episode"][row], arrays[head + "turn"][row])
-                assert key == (trace.episode, turn.index)
+                assert key == (episode.episode, turn.index)
                 assert arrays[head + "live"][row] == (agent in turn.live)
                 for name, by_agent in (("obs", turn.observations), ("action", turn.actions)):
                     assert arrays[f"{head}{name}.valid"][row] == (agent in by_agent)
@@ -237,9 +237,9 @@ def test_decisions_are_paid_until_the_next(spec: Any, tmp_path: Path) -> None:
     for agent in written.agents:
         rows, paid = decisions(arrays, agent)
         expected: list[float] = []
-        for trace in evidence.episodes:
+        for episode in evidence.episodes:
             is_open = False
-            for turn in trace.turns:
+            for turn in episode.turns:
                 if turn.actions.get(agent) is not None:
                     expected.append(0.0)
                     is_open = True

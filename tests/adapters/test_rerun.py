@@ -1,4 +1,4 @@
-"""Rerun's own reader finds in a recording what the trace holds, turn by turn."""
+"""Rerun's own reader finds in a recording what the episode holds, turn by turn."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ def test_recording_holds_the_trace_as_series(spec: Any, tmp_path: Path) -> None:
         expected: dict[str, dict[Any, Any]] = {
             name: {} for name in ("reward", "return", "action", "order", "obs")
         }
-        for trace in evidence.episodes:
+        for episode in evidence.episodes:
             so_far = 0.0
-            for turn in trace.turns:
-                key = trace.episode, turn.index
+            for turn in episode.turns:
+                key = episode.episode, turn.index
                 if agent in turn.rewards:
                     so_far += turn.rewards[agent]
                     expected["reward"][key] = turn.rewards[agent]

@@ -58,25 +58,25 @@ BATTERY = {"battery": 12}
 )
 def test_trace_is_the_same_seen_through_rllib(spec: str, kwargs: dict[str, Any]) -> None:
     """Each agent's rows, in RLlib's own book: observations, actions, pay, last sight, end."""
-    trace = next(
+    episode = next(
         iter(
             gk.rollout(spec, policies=FirstLegal(), episodes=1, seed=5, env_kwargs=kwargs).episodes
         )
     )
     env = made(spec, seed=5, env_kwargs=kwargs)
     book = played(env)
-    flags = {row["agent"]: row for row in trace.steps.to_pylist() if ended(row)}
-    decided = {a for turn in trace.turns for a, act in turn.actions.items() if act is not None}
+    flags = {row["agent"]: row for row in episode.steps.to_pylist() if ended(row)}
+    decided = {a for turn in episode.turns for a, act in turn.actions.items() if act is not None}
     assert decided == set(book.agent_ids)
     for agent, one in book.agent_episodes.items():
-        rows = [turn for turn in trace.turns if turn.actions.get(agent) is not None]
+        rows = [turn for turn in episode.turns if turn.actions.get(agent) is not None]
         recorded = [bare(turn.observations[agent]) for turn in rows]
-        last = [turn for turn in trace.turns if agent in turn.cumulative_reward][-1]
+        last = [turn for turn in episode.turns if agent in turn.cumulative_reward][-1]
         recorded.append(bare(last.observations[agent]))
         for seen, shown in zip(recorded, one.get_observations(), strict=True):
             np.testing.assert_array_equal(seen, bare(shown))
         assert [turn.actions[agent] for turn in rows] == list(one.get_actions())
-        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
+        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in episode.turns)
         assert one.get_return() == pytest.approx(paid)
         assert one.is_terminated == bool(flags[agent]["terminated"])
         assert one.is_truncated == bool(flags[agent]["truncated"])
@@ -92,7 +92,7 @@ def ended(row: dict[str, Any]) -> bool:
 def test_each_turn_is_paid_to_who_earned_it() -> None:
     """AEC: one agent is observed at a time, and its pay stands beside its own last action."""
     env = made("handover", seed=2)
-    trace = gk.rollout("handover", policies=FirstLegal(), episodes=1, seed=2).episodes[0]
+    episode = gk.rollout("handover", policies=FirstLegal(), episodes=1, seed=2).episodes[0]
     observations, _ = env.reset()
     given: dict[str, list[float]] = {}
     is_over = False
@@ -106,7 +106,9 @@ def test_each_turn_is_paid_to_who_earned_it() -> None:
         is_over = terms["__all__"] or truncs["__all__"]
     for agent, cumulative_reward in given.items():
         told = [
-            turn.cumulative_reward[agent] for turn in trace.turns if agent in turn.cumulative_reward
+            turn.cumulative_reward[agent]
+            for turn in episode.turns
+            if agent in turn.cumulative_reward
         ]
         told = [reward for reward in told if reward is not None]
         assert cumulative_reward == pytest.approx(told[-len(cumulative_reward) :])
@@ -193,14 +195,14 @@ def test_others_play_inside() -> None:
     from gamekeeper.adapters import rllib
 
     policies = {"carrier": "reference", "picker": FirstLegal()}
-    trace = gk.rollout("warehouse", policies=policies, episodes=1, seed=4).episodes[0]
+    episode = gk.rollout("warehouse", policies=policies, episodes=1, seed=4).episodes[0]
     asked: Any = {"role": "picker", "others": {"carrier": "reference"}}
     assert list(rllib.policy_mapping("warehouse", **asked)["policies"]) == ["picker"]
     env = made("warehouse", seed=4, **asked)
     book = played(env)
     assert {agent.split("_")[0] for agent in book.agent_ids} == {"picker"}
     for agent, one in book.agent_episodes.items():
-        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
+        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in episode.turns)
         assert one.get_return() == pytest.approx(paid)
     assert set(env.returns) == set(map(str, env.env.possible_agents))
     env.close()
@@ -220,10 +222,10 @@ def test_seeds_are_those_of_a_rollout() -> None:
     env = made("warehouse", seed=7)
     seen = [env.reset()[0] for _ in range(3)]
     again = [env.reset(seed=7)[0], env.reset()[0], env.reset()[0]]
-    traces = list(gk.rollout("warehouse", policies="noop", episodes=3, seed=7).episodes)
-    for trace, one, two in zip(traces, seen, again, strict=True):
-        assert episode_seed(7, trace.episode) == trace.seed
-        first = trace.turns[0].observations
+    episodes = list(gk.rollout("warehouse", policies="noop", episodes=3, seed=7).episodes)
+    for episode, one, two in zip(episodes, seen, again, strict=True):
+        assert episode_seed(7, episode.episode) == episode.seed
+        first = episode.turns[0].observations
         for agent in one:
             np.testing.assert_array_equal(first[agent], one[agent]["observations"])
             np.testing.assert_array_equal(first[agent], two[agent]["observations"])
@@ -373,8 +375,8 @@ def test_ppo_trains_and_its_checkpoint_plays(cluster: None, tmp_path: Path) -> N
     assert kept in evidence.episode_table.to_pylist()[0]["policies"]
     legal = [
         info["action_mask"][turn.actions[agent]]
-        for trace in evidence.episodes
-        for turn in trace.turns
+        for episode in evidence.episodes
+        for turn in episode.turns
         for agent, info in turn.infos.items()
         if turn.actions.get(agent) is not None
     ]

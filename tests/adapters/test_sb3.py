@@ -15,7 +15,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.errors import ActionError, ContractError, PolicyError, SpecError
 from tests.adapters import streams
-from tests.adapters.streams import ByWhatIsSeen, of_slots, of_trace, same
+from tests.adapters.streams import ByWhatIsSeen, of_episode, of_slots, same
 
 pytestmark = pytest.mark.trainer
 SPREAD = "mpe2.simple_spread_v3:parallel_env"
@@ -71,16 +71,16 @@ def test_trace_is_the_same_seen_through_the_vec_env(spec: str, role: Any, others
     mine = ByWhatIsSeen(venv.action_space)
     named = others if isinstance(others, dict) else {"*": others or mine}
     policies = {**named, **dict.fromkeys(venv.slots.learners, mine)}
-    traces = list(gk.rollout(spec, policies=policies, episodes=2, seed=5).episodes)
-    longest = max(len(list(trace.turns)) for trace in traces)
+    episodes = list(gk.rollout(spec, policies=policies, episodes=2, seed=5).episodes)
+    longest = max(len(list(episode.turns)) for episode in episodes)
     try:
         told = streams.played(_AsSlots(venv), longest)
     finally:
         venv.close()
     compared = 0
-    for copy, trace in enumerate(traces):
+    for copy, episode in enumerate(episodes):
         for learner, agent in enumerate(venv.slots.learners):
-            recorded = of_trace(trace, str(agent))
+            recorded = of_episode(episode, str(agent))
             if recorded is None:  # a spare that nobody needed
                 continue
             if recorded.end == (True, True):

@@ -14,7 +14,7 @@ import gamekeeper as gk
 from gamekeeper.adapters.slots import Slots
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.policy import EVERYONE
-from tests.adapters.streams import ByWhatIsSeen, of_slots, of_trace, played, same
+from tests.adapters.streams import ByWhatIsSeen, of_episode, of_slots, played, same
 
 WORLDS = str(Path(__file__).parent.parent / "vector" / "worlds.py")
 HERE = str(Path(__file__))
@@ -101,12 +101,12 @@ def seen_and_recorded(
     if others is not None:
         named = others if isinstance(others, dict) else {EVERYONE: others}
         policies = {**named, **dict.fromkeys(slots.learners, mine)}
-    traces = list(
+    episodes = list(
         gk.rollout(
             spec, policies=policies, episodes=EPISODES, seed=5, env_kwargs=env_kwargs
         ).episodes
     )
-    longest = max(len(list(trace.turns)) for trace in traces)
+    longest = max(len(list(episode.turns)) for episode in episodes)
     try:
         told = played(slots, longest * -(-EPISODES // 2) + 2)
     finally:
@@ -114,7 +114,7 @@ def seen_and_recorded(
     compared = 0
     for copy in range(2):
         for learner, agent in enumerate(slots.learners):
-            recorded = [of_trace(trace, str(agent)) for trace in traces[copy::2]]
+            recorded = [of_episode(episode, str(agent)) for episode in episodes[copy::2]]
             recorded = [stream for stream in recorded if stream is not None]
             found = of_slots(told, copy * len(slots.learners) + learner)
             assert len(found) > len(recorded)

@@ -62,10 +62,10 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any) -> None:
     env = made(spec, 1, env_kwargs=kwargs, seed=5, **options)
     stats, buffer = collected(env, 1)
     evidence = gk.rollout(spec, policies="first-legal", episodes=1, seed=5, env_kwargs=kwargs)
-    trace = evidence.episodes[0]
-    ends = trace.steps.to_pylist()
+    episode = evidence.episodes[0]
+    ends = episode.steps.to_pylist()
     for slot, agent in enumerate(env.slots.learners):
-        mine = [t for t in trace.turns if t.actions.get(agent) is not None]
+        mine = [t for t in episode.turns if t.actions.get(agent) is not None]
         found = rows(buffer, slot)
         if not mine:
             assert found is None
@@ -76,11 +76,11 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any) -> None:
             expected = np.asarray(bare(turn.observations[agent]))
             np.testing.assert_array_equal(expected, row[: len(expected)])
             assert act == turn.actions[agent]
-        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
+        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in episode.turns)
         rewards = found.rew.sum(-1) if several else found.rew
         assert rewards.sum() == pytest.approx(paid)
         assert stats.returns[0, slot] == pytest.approx(paid)
-        last = [t.observations[agent] for t in trace.turns if agent in t.observations][-1]
+        last = [t.observations[agent] for t in episode.turns if agent in t.observations][-1]
         after = found.obs_next if isinstance(found.obs_next, np.ndarray) else found.obs_next.obs
         np.testing.assert_array_equal(bare(last), after[-1][: len(bare(last))])
         assert not found.done[:-1].any()

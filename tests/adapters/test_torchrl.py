@@ -84,12 +84,12 @@ def test_trace_is_the_same_seen_through_groups(spec: str, engine: str) -> None:
     env = made(spec, 2, seed=5, engine=engine)
     batch = env.rollout(260, first_legal(env), break_when_any_done=False)
     n = next(iter(env.full_action_spec.values(True, True))).space.n
-    traces = list(gk.rollout(spec, policies=Same(n), episodes=2, seed=5).episodes)
-    for copy, trace in enumerate(traces):
+    episodes = list(gk.rollout(spec, policies=Same(n), episodes=2, seed=5).episodes)
+    for copy, episode in enumerate(episodes):
         for group, agents in env.group_map.items():
             for place, agent in enumerate(agents):
                 after = batch["next"][copy]
-                compare(batch[copy][group][:, place], after[group][:, place], trace, agent)
+                compare(batch[copy][group][:, place], after[group][:, place], episode, agent)
     env.close()
 
 
@@ -286,7 +286,7 @@ def test_others_play_inside() -> None:
     assert list(env.group_map) == ["picker"]
     batch = env.rollout(80, first_legal(env), break_when_any_done=False)
     n = env.full_action_spec["picker", "action"].space.n
-    trace = next(
+    episode = next(
         iter(
             gk.rollout(
                 "warehouse",
@@ -297,7 +297,7 @@ def test_others_play_inside() -> None:
         )
     )
     own = batch[0]["picker"][:, 0]
-    acts = [turn for turn in trace.turns if turn.actions.get("picker_0") is not None][:80]
+    acts = [turn for turn in episode.turns if turn.actions.get("picker_0") is not None][:80]
     for step, turn in enumerate(acts):
         np.testing.assert_array_equal(turn.observations["picker_0"], own["observation"][step])
     env.close()
@@ -319,7 +319,7 @@ def test_advantages_are_torchrls_where_everybody_acts() -> None:
         inner = ~batch["next", "done"][:, :-1, None].expand(-1, -1, 1, 1)
         value = batch["next", group, "state_value"]
         value[:, :-1] = torch.where(inner, batch[group, "state_value"][:, 1:], value[:, :-1])
-    advantages(batch, env.group_map, gamma=0.9, trace=0.8)
+    advantages(batch, env.group_map, gamma=0.9, gae_lambda=0.8)
     for group in env.group_map:
         after = batch["next", group]
         parts = [
@@ -352,7 +352,7 @@ def test_advantages_credit_the_last_decision() -> None:
     own = batch["player"]
     own["state_value"] = torch.zeros(*own.batch_size, 1)
     batch["next", "player", "state_value"] = torch.zeros(*own.batch_size, 1)
-    advantages(batch, ["player"], gamma=1.0, trace=0.0)
+    advantages(batch, ["player"], gamma=1.0, gae_lambda=0.0)
     learnt = decisions(batch, "player")
     known = own["decided"]
     assert (known <= own["mask"]).all()
@@ -398,10 +398,10 @@ def test_policy_acts_as_in_the_env() -> None:
     actor = Learner(env).actor
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         batch = env.rollout(25, actor, break_when_any_done=False)
-    trace = gk.rollout(TAG, policies=torchrl.policy(actor, env), episodes=1, seed=4).episodes[0]
+    episode = gk.rollout(TAG, policies=torchrl.policy(actor, env), episodes=1, seed=4).episodes[0]
     for group, agents in env.group_map.items():
         for place, agent in enumerate(agents):
-            played = [t.actions[agent] for t in trace.turns if t.actions.get(agent) is not None]
+            played = [t.actions[agent] for t in episode.turns if t.actions.get(agent) is not None]
             assert played == batch[0][group, "action"][: len(played), place].tolist()
     with pytest.raises(PolicyError, match="isn't among the agents"):
         torchrl.policy(actor, env)(np.zeros(16), "wolf_0", {}, np.random.default_rng(0))

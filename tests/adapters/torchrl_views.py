@@ -54,9 +54,9 @@ def bare(observation: Any) -> Any:
     return observation["observation"] if isinstance(observation, dict) else observation
 
 
-def compare(own: Any, after: Any, trace: Any, agent: str) -> None:
+def compare(own: Any, after: Any, episode: Any, agent: str) -> None:
     """A stream of one agent's steps holds what its rows do, its last observation too."""
-    given = [turn for turn in trace.turns if agent in turn.cumulative_reward]
+    given = [turn for turn in episode.turns if agent in turn.cumulative_reward]
     if not given:  # a spare that nobody needed
         return
     acts = [turn for turn in given if turn.actions.get(agent) is not None]
@@ -68,11 +68,11 @@ def compare(own: Any, after: Any, trace: Any, agent: str) -> None:
             bare(turn.observations[agent]), own["observation"][step].numpy()
         )
         assert int(turn.actions[agent]) == int(own["action"][step])
-    paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
+    paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in episode.turns)
     assert float(after["reward"][: end + 1].sum()) == pytest.approx(paid, abs=1e-4)
     flags = [
         (row["terminated"], row["truncated"])
-        for row in trace.steps.to_pylist()
+        for row in episode.steps.to_pylist()
         if row["agent"] == agent and (row["terminated"] or row["truncated"])
     ]
     assert flags[0] == (bool(after["terminated"][end]), bool(after["truncated"][end]))

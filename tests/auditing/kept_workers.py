@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from gamekeeper.auditing import confirm, elsewhere
+from gamekeeper.auditing import confirm, other_process
 from gamekeeper.rollouts.warm_worker import WarmWorker
 
 
@@ -24,10 +24,10 @@ def confirming(hash_seed: int | None) -> KeptWorker:
 @cache
 def playing(hash_seed: int | None) -> KeptWorker:
     """Plays elsewhere under a hash seed."""
-    return KeptWorker(["gamekeeper.auditing.elsewhere"], hash_seed=hash_seed)
+    return KeptWorker(["gamekeeper.auditing.other_process"], hash_seed=hash_seed)
 
 
 def keep_workers(patch: pytest.MonkeyPatch) -> None:
     """Audits in this process share workers."""
     patch.setattr(confirm, "WarmWorker", lambda modules, hash_seed: confirming(hash_seed))
-    patch.setattr(elsewhere, "worker_of", lambda session, hash_seed: playing(hash_seed))
+    patch.setattr(other_process, "worker_of", lambda session, hash_seed: playing(hash_seed))

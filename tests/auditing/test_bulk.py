@@ -10,7 +10,7 @@ from pettingzoo import ParallelEnv
 
 from gamekeeper.auditing import gather
 from gamekeeper.auditing.audit import audit_here
-from gamekeeper.auditing.bulk import held_bytes, slimmed, space_bytes
+from gamekeeper.auditing.evidence_memory import held_bytes, slimmed, space_bytes
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeRun
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
@@ -85,7 +85,7 @@ def test_evidence_of_pictures_is_bounded(monkeypatch: pytest.MonkeyPatch) -> Non
 def played() -> Episode:
     """Ten ticks, each with another picture."""
     actions = tuple({"a": tick, "b": 2 * tick} for tick in range(10))
-    return perform(EpisodePlan(seed=1, actions=actions), Screen()).trace
+    return perform(EpisodePlan(seed=1, actions=actions), Screen()).episode
 
 
 def test_counterfactual_that_went_alike_shares_its_rows() -> None:
@@ -94,7 +94,7 @@ def test_counterfactual_that_went_alike_shares_its_rows() -> None:
     counterfactual = ProbeCounterfactual(base, played(), played(), {"change": "Nothing"})
     slim = slimmed(counterfactual)
     assert slim.unchanged_rerun.steps is base.steps
-    assert slim.trace.steps is base.steps
+    assert slim.episode.steps is base.steps
     assert (slim.noise, slim.divergence) == (None, None)
     assert held_bytes(ProbeRun(counterfactuals=(slim,))) * 3 == held_bytes(
         ProbeRun(counterfactuals=(counterfactual,))
@@ -104,8 +104,8 @@ def test_counterfactual_that_went_alike_shares_its_rows() -> None:
 def test_counterfactual_that_went_another_way_keeps_its_rows() -> None:
     """What differs stays as it was."""
     base = played()
-    other = perform(EpisodePlan(seed=1, actions=({"a": 1, "b": 1},)), Screen()).trace
+    other = perform(EpisodePlan(seed=1, actions=({"a": 1, "b": 1},)), Screen()).episode
     slim = slimmed(ProbeCounterfactual(base, played(), other, {}))
-    assert slim.trace is other
+    assert slim.episode is other
     assert slim.divergence is not None
     assert slim.divergence == replace(slim, _cache={}).divergence

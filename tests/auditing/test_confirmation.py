@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from gamekeeper.auditing import elsewhere
+from gamekeeper.auditing import other_process
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
 from gamekeeper.auditing.confirm import TRIES, Confirmation, Programs, _share_until
@@ -56,7 +56,9 @@ def test_processes_that_agree_by_chance_withdraw_nothing(monkeypatch: pytest.Mon
 
     def by_luck(session: ProbeSession, base: EpisodeResult, hash_seed: int) -> Episode:
         there = lucky.setdefault(hash_seed, [])
-        there.append(there[0] if len(there) == 1 else session.play(base.play, session.env()).trace)
+        there.append(
+            there[0] if len(there) == 1 else session.play(base.play, session.env()).episode
+        )
         return there[-1]
 
     monkeypatch.setattr(isolation, "played_elsewhere", by_luck)
@@ -271,8 +273,8 @@ def test_hash_seeds_turn_every_two_names(monkeypatch: pytest.MonkeyPatch) -> Non
             o[::-1] if "".join(p) in turned[seed] else o for p, o in zip(pairs, here, strict=True)
         ]
 
-    monkeypatch.setattr(elsewhere, "_orders", orders)
-    assert elsewhere.hash_seeds.__wrapped__(("a", "b", "c")) == (2, 4)
+    monkeypatch.setattr(other_process, "_orders", orders)
+    assert other_process.hash_seeds.__wrapped__(("a", "b", "c")) == (2, 4)
 
 
 def test_calls_that_an_instance_keeps_are_held_too() -> None:

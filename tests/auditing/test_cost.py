@@ -85,7 +85,7 @@ def test_cost_of_work_is_counted_in_lines_and_bytes() -> None:
 
 
 def test_cost_leaves_debuggers_and_tracers_alone() -> None:
-    """Whoever traces goes on doing so."""
+    """Whoever episodes goes on doing so."""
     before = sys.gettrace(), tracemalloc.is_tracing()
     with pytest.raises(ZeroDivisionError), traced_memory():
         work_of(lambda: 1 // 0)

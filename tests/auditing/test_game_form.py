@@ -8,9 +8,9 @@ import pytest
 
 from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
 from gamekeeper.auditing.gather import gather, session_of
-from gamekeeper.auditing.measure import comings, form, roles, trials
+from gamekeeper.auditing.measure import form, roles, roster_changes, trials
 from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
-from gamekeeper.auditing.measured import _conflicts, measured
+from gamekeeper.auditing.measured_form import _conflicts, measured
 from gamekeeper.auditing.probes import game_form
 from gamekeeper.checks.facts.form_facts import (
     AgentEnding,
@@ -218,11 +218,11 @@ def test_one_agents_limit_is_no_horizon() -> None:
     """Only where all that are left are truncated, twice at one length."""
     whole = shape("abc", "abc", endings=ended("truncation", 1, "abc"), live={1: 3})
     one = shape("abc", "abc", endings=ended("truncation", 1, "a"), live={1: 3})
-    assert comings.horizon([whole, whole]) == 2
-    assert comings.horizon([whole]) is None
-    assert comings.horizon([one, one]) is None
+    assert roster_changes.horizon([whole, whole]) == 2
+    assert roster_changes.horizon([whole]) is None
+    assert roster_changes.horizon([one, one]) is None
     longer = shape("abc", "abc", "abc", endings=ended("termination", 2, "abc"), live={2: 3})
-    assert comings.horizon([whole, whole, longer]) is None
+    assert roster_changes.horizon([whole, whole, longer]) is None
 
 
 def test_a_limit_that_is_missed_by_one_tick_is_said() -> None:
@@ -243,7 +243,7 @@ def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:
     step = BranchStep(given, {"a": 0}, {}, dict.fromkeys("ab", "truncation"), ("a", "b"))
     found = game_form.shape(EpisodeSteps(0, ("a",), [step], [0]), is_over=True, api="aec")
     assert (found.live, found.joined) == ({0: 2}, (("b", 0),))
-    assert comings.kinds_of_endings([found, found]) == [
+    assert roster_changes.kinds_of_endings([found, found]) == [
         {"kind": "truncation", "owner": "all", "seen": 2}
     ]
 
@@ -251,8 +251,8 @@ def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:
 def test_the_owner_of_endings() -> None:
     """All that end as one own it together; two of several that fall on one step don't."""
     whole = shape("abc", endings=ended("termination", 0, "abc"), live={0: 3})
-    assert comings.kinds_of_endings([whole]) is None
-    assert comings.kinds_of_endings([whole, whole]) == [
+    assert roster_changes.kinds_of_endings([whole]) is None
+    assert roster_changes.kinds_of_endings([whole, whole]) == [
         {"kind": "termination", "owner": "all", "seen": 2}
     ]
     alone = shape(
@@ -261,7 +261,7 @@ def test_the_owner_of_endings() -> None:
         endings=ended("termination", 0, "a") + ended("termination", 1, "bc"),
         live={0: 3, 1: 2},
     )
-    assert comings.kinds_of_endings([alone, alone]) == [
+    assert roster_changes.kinds_of_endings([alone, alone]) == [
         {"kind": "termination", "owner": "agent", "seen": 4}
     ]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gamekeeper.auditing.audit import audit_here
-from gamekeeper.checks.facts.play_facts import PaymentTime
+from gamekeeper.checks.facts.episode_facts import PaymentTime
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence, ProbeRun
 from gamekeeper.checks.rewards.reward_delay import rewards_come_with_the_tick_that_earns_them
 from gamekeeper.contract import Contract

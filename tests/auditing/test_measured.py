@@ -8,7 +8,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.auditing.audit import audit_here
-from gamekeeper.auditing.measured import PROBES, measured
+from gamekeeper.auditing.measured_form import PROBES, measured
 from gamekeeper.checks.endings.role_symmetry import exchangeable, fares
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.rounds import kind_of_order
@@ -211,5 +211,5 @@ def test_episodes_that_are_cut_off_count_by_whole_rounds() -> None:
     """Who sits before the place where a play was stopped hasn't fared differently."""
     played = gk.rollout(HiddenHands, episodes=8, seed=0, most_turns=20)
     agents = ["player_0", "player_1", "player_2"]
-    rows = np.array([fares(trace, agents) for trace in played.episodes])
+    rows = np.array([fares(episode, agents) for episode in played.episodes])
     assert rows[:, :, 1].tolist() == [[6.0, 6.0, 6.0]] * 8

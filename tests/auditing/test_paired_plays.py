@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gamekeeper.checks.paired_plays import TWICE, program
+from gamekeeper.checks.paired_episodes import TWICE, program
 from tests.faults.rovers import Rovers
 
 KEPT: list[Any] = []

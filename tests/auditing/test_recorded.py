@@ -11,7 +11,7 @@ from gymnasium.spaces import Box
 from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
-from gamekeeper.auditing.recorded import failed_rows, outside_actions
+from gamekeeper.auditing.recorded_evidence import failed_rows, outside_actions
 from gamekeeper.cli.diagnose import outside_space
 from gamekeeper.errors import EvidenceError
 from tests.faults import environments

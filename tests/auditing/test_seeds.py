@@ -14,7 +14,7 @@ from gymnasium import spaces
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
 from gamekeeper.auditing.gather import gather, session_of
-from gamekeeper.auditing.measured import measured
+from gamekeeper.auditing.measured_form import measured
 from gamekeeper.auditing.probe import probes
 from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
@@ -350,7 +350,7 @@ def test_sets_are_turned_in_six_episodes(monkeypatch: pytest.MonkeyPatch) -> Non
 
     def there(session: Any, base: Any, hash_seed: int) -> Any:
         asked.setdefault(base.play.stream, []).append(hash_seed)
-        return base.trace
+        return base.episode
 
     monkeypatch.setattr(isolation, "played_elsewhere", there)
     monkeypatch.setattr(isolation, "hash_seeds", lambda names: (4, 7))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gamekeeper.auditing.recorded import failed_rows, masked_actions
+from gamekeeper.auditing.recorded_evidence import failed_rows, masked_actions
 from gamekeeper.runs.load_run import load
 from gamekeeper.viewing.report_file import report
 from tests.cli.lines import LINE, document, said
@@ -42,7 +42,7 @@ def test_no_row_of_a_long_run_is_judged_beyond_its_bound(
     run = tmp_path / "run"
     code, _, err = said(capfd, "rollout", SHRINKS, "--episodes", 5, "--out", run)
     assert code == 0, err
-    monkeypatch.setattr("gamekeeper.auditing.recorded.MOST_ROWS", 3)
+    monkeypatch.setattr("gamekeeper.auditing.recorded_evidence.MOST_ROWS", 3)
     assert failed_rows(load(run)) == ()
 
 

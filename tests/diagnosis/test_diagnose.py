@@ -11,7 +11,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.diagnosis.diagnosis_result import Diagnosis
-from gamekeeper.diagnosis.played_setup import OpenSetup
+from gamekeeper.diagnosis.open_setup import OpenSetup
 from gamekeeper.diagnosis.shortest_failure import shrunk
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import ContractError, EvidenceError, RunError, TrustError

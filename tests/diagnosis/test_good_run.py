@@ -14,7 +14,7 @@ import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.arms import ArmRunner
 from gamekeeper.diagnosis.difference_search import DifferenceSearch, least_set
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.diagnosis.setup_differences import (
     ABSENT,
     SetupDifference,

@@ -11,7 +11,7 @@ from gymnasium.spaces import Box, Discrete
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Role
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.diagnosis.trials import peers_of
 
 HERE = f"{__name__}:"

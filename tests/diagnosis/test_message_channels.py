@@ -19,7 +19,7 @@ from gamekeeper.diagnosis.message_channels import (
     channels_of,
     deliveries,
 )
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, over_undos, undone
 from gamekeeper.diagnosis.undos import BoundaryUndo
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.diagnosis.open_setup import setup_of
 from gamekeeper.diagnosis.play_on import (
     BranchPoint,
     PlayOnOptions,
@@ -18,7 +19,6 @@ from gamekeeper.diagnosis.play_on import (
     record_future,
 )
 from gamekeeper.diagnosis.play_on_tasks import play_on_task
-from gamekeeper.diagnosis.played_setup import setup_of
 from gamekeeper.errors import EvidenceError, TrustError
 from tests.diagnosis.test_pivots import Vault
 

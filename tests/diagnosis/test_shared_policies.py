@@ -14,7 +14,7 @@ from gamekeeper.cli._app import run_line
 from gamekeeper.cli.diagnose import diagnosis_code
 from gamekeeper.diagnosis.diagnosis_result import Tested as OneTest
 from gamekeeper.diagnosis.judgement import contradictions
-from gamekeeper.diagnosis.played_setup import setup_of
+from gamekeeper.diagnosis.open_setup import setup_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.reporting.diagnosis_text import diagnosis_text
 from gamekeeper.runs.standing import choices_in

@@ -7,7 +7,7 @@ import pytest
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis import arms
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner, kept_open, play_shares
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.errors import EnvError
 from gamekeeper.rollouts.executors.task import USUAL, Done, Limits, OnReport, WorkTask
 from gamekeeper.rollouts.workers import Status, TaskOutcome

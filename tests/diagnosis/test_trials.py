@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
+from gamekeeper.diagnosis.open_setup import Setup, SetupTraits
 from gamekeeper.diagnosis.trials import IdealSubstitute, briefly, joined, substitutes_of, weakened
 from gamekeeper.errors import ContractError
 

@@ -15,7 +15,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.counterfactuals import _acted, _action_text, _place
 from gamekeeper.diagnosis.experiment import Experiment
 from gamekeeper.diagnosis.judgement import _labels, is_any_exchange, is_any_scale
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import (
     action_undos,
@@ -25,7 +25,7 @@ from gamekeeper.diagnosis.undo_candidates import (
     shift_undos,
 )
 from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries, pairs_of
-from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
+from gamekeeper.diagnosis.undos import BoundaryUndo, UndonePolicies
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.outcome import Outcome, failures
 from gamekeeper.errors import EvidenceError
@@ -103,9 +103,9 @@ def passed(
 ) -> Any:
     """What the policy was shown, and what was done."""
     echo = Echo(*acts)
-    cast = UndoneCast(echo, undo, Spaces(seen, done), Contract())
-    cast.begin(0, 0)
-    return echo.shown, [cast.act("a", observation, {}) for observation in turns]
+    joint_policy = UndonePolicies(echo, undo, Spaces(seen, done), Contract())
+    joint_policy.begin(0, 0)
+    return echo.shown, [joint_policy.act("a", observation, {}) for observation in turns]
 
 
 @pytest.mark.parametrize(
@@ -163,9 +163,11 @@ def test_calls_are_made_otherwise() -> None:
     ):
         late = Late()
         inner = assign({"a": late}, possible_agents=["a"], action_space=spaces.action_space)
-        cast = UndoneCast(inner, BoundaryUndo(("a",), way, (), amount), spaces, Contract())
-        cast.begin(0, 0)
-        assert [cast.act("a", np.array([x]), {}) for x in (5, 6, 7, 8)] == expected, way
+        joint_policy = UndonePolicies(
+            inner, BoundaryUndo(("a",), way, (), amount), spaces, Contract()
+        )
+        joint_policy.begin(0, 0)
+        assert [joint_policy.act("a", np.array([x]), {}) for x in (5, 6, 7, 8)] == expected, way
         assert late.queue == [0, 0, 5, 6, 7, 8]
 
 
@@ -428,11 +430,11 @@ def test_what_outlives_a_policys_own_reset_is_gone_with_its_object() -> None:
     both = {agent: Stuck() for agent in policies}
     found = gk.diagnose(evidence, policies=both, episodes=800, **given)
     assert {each.answer for each in found.agents.values()} == {"joint"}
-    cast = assign(both, possible_agents=list(both), action_space=lambda agent: Discrete(3))
-    renew, before = cast.renewer(["left_0"]), cast.chosen_for("right_0").policy
+    joint_policy = assign(both, possible_agents=list(both), action_space=lambda agent: Discrete(3))
+    renew, before = joint_policy.renewer(["left_0"]), joint_policy.chosen_for("right_0").policy
     renew()
-    assert cast.chosen_for("left_0").policy is not both["left_0"]
-    assert cast.chosen_for("right_0").policy is before
+    assert joint_policy.chosen_for("left_0").policy is not both["left_0"]
+    assert joint_policy.chosen_for("right_0").policy is before
 
 
 def test_undos_that_do_the_same_cannot_be_told_apart() -> None:

@@ -78,7 +78,7 @@ def test_strip_of_large_values_has_short_stretches(monkeypatch: pytest.MonkeyPat
     stretches = list(evidence.chunks(header).stretches())
 
     assert len(stretches) > len(evidence.episode_of(header))
-    assert all(len(set(trace.steps["turn"].to_pylist())) <= 1 for trace, _ in stretches)
+    assert all(len(set(episode.steps["turn"].to_pylist())) <= 1 for episode, _ in stretches)
 
 
 def played(env: Any, **options: Any) -> Evidence:

@@ -15,7 +15,7 @@ from tests.runs.walks import Turns, Walk
 numbers = st.floats(allow_nan=False, allow_infinity=False, width=32)
 
 
-def trace(env: Any = None, *, seed: int = 0, **options: Any) -> Episode:
+def episode(env: Any = None, *, seed: int = 0, **options: Any) -> Episode:
     """One episode of an environment, in memory."""
     return rollout(env or Walk(), episodes=1, seed=seed, **options).episodes[0]
 
@@ -24,19 +24,19 @@ def trace(env: Any = None, *, seed: int = 0, **options: Any) -> Episode:
 def test_compare_finds_equal_traces_exact(kind: type) -> None:
     """Two plays from one seed are equal bit for bit, whatever the tolerance."""
     for tolerance in (None, 0.0, 1e-6):
-        found = compare(trace(kind()), trace(kind()), tolerance=tolerance)
+        found = compare(episode(kind()), episode(kind()), tolerance=tolerance)
 
         assert (found.divergence, found.is_exact, found.largest) == (None, True, 0.0)
 
 
 def test_compare_names_rows_that_are_missing() -> None:
-    """A trace that ends earlier differs in the rows of the turn that it lacks."""
-    found = compare(trace(), trace(most_turns=2)).divergence
+    """An episode that ends earlier differs in the rows of the turn that it lacks."""
+    found = compare(episode(), episode(most_turns=2)).divergence
 
     assert found is not None
     assert (found.episode, found.turn, found.field) == (0, 2, "order")
 
-    found = compare(trace(Walk(turns=2)), trace(Walk(turns=2), most_turns=1)).divergence
+    found = compare(episode(Walk(turns=2)), episode(Walk(turns=2), most_turns=1)).divergence
     assert found is not None
     assert (found.turn, found.agent) == (1, "a")
 
@@ -54,8 +54,8 @@ class Boxed(Walk):
 
 def test_compare_sees_a_state_that_fits_no_column() -> None:
     """States that are no arrays differ by their values, and are exact where they don't."""
-    assert compare(trace(Boxed()), trace(Boxed())).is_exact
-    found = compare(trace(Boxed()), trace(Boxed(state="t"))).divergence
+    assert compare(episode(Boxed()), episode(Boxed())).is_exact
+    found = compare(episode(Boxed()), episode(Boxed(state="t"))).divergence
 
     assert found is not None
     assert (found.turn, found.agent, found.field) == (0, None, "state")
@@ -76,7 +76,7 @@ class Informed(Walk):
 
 def test_compare_leaves_volatile_infos_out() -> None:
     """A field of an info that is declared volatile may differ; any other may not."""
-    one, two = trace(Informed(wall_s=1.0)), trace(Informed(wall_s=2.0))
+    one, two = episode(Informed(wall_s=1.0)), episode(Informed(wall_s=2.0))
 
     assert compare(one, two, volatile={"wall_s"}).divergence is None
     found = compare(one, two).divergence
@@ -86,7 +86,7 @@ def test_compare_leaves_volatile_infos_out() -> None:
 
 def test_compare_within_tolerance_is_not_exact() -> None:
     """1 and 1.0 differ by nothing, and are still not the same bit for bit."""
-    found = compare(trace(Informed()), trace(Informed(note=1.0)), tolerance=0.5)
+    found = compare(episode(Informed()), episode(Informed(note=1.0)), tolerance=0.5)
 
     assert (found.divergence, found.is_exact) == (None, False)
 

@@ -179,7 +179,7 @@ def test_fingerprints_are_equal_under_two_hash_seeds() -> None:
 
 
 def test_evidence_says_what_it_holds() -> None:
-    """Tables, traces, spaces, text, HTML and JSON."""
+    """Tables, episodes, spaces, text, HTML and JSON."""
     evidence = record(env_of(), 3, episodes=2)
     assert isinstance(evidence, Evidence)
     assert evidence.episode_table.num_rows == 2
@@ -188,7 +188,7 @@ def test_evidence_says_what_it_holds() -> None:
     assert evidence.states.num_rows == 8
     assert evidence.timings is not None
     assert evidence.timings.num_rows == 6
-    assert [trace.episode for trace in evidence.episodes] == [0, 1]
+    assert [episode.episode for episode in evidence.episodes] == [0, 1]
     assert evidence.spaces["a"].observation.space == SPACE  # type: ignore[union-attr]
     assert evidence.contract.name is None
     assert "2 episodes of given_v0 (in memory)" in str(evidence)

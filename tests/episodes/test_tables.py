@@ -62,4 +62,4 @@ def test_trace_of_no_episode_is_refused(episode: int) -> None:
 def test_traces_make_headers_as_they_go(monkeypatch: pytest.MonkeyPatch) -> None:
     """In batches, in their order, none left out."""
     monkeypatch.setattr(module, "HEADERS", 3)
-    assert list(range(8)) == [trace.episode for trace in evidence_of(list(range(8))).episodes]
+    assert list(range(8)) == [episode.episode for episode in evidence_of(list(range(8))).episodes]

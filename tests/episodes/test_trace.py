@@ -137,13 +137,13 @@ def test_states_read_back_whatever_they_are() -> None:
     """Arrays in columns, others as odd; where it raised, and where the shape changed."""
     states = [np.array([1, 2]), np.array([3.5, 4]), [1, "x"], ValueError("no"), None]
     env = Given({"a": [0]}, {"a": Discrete(2)}, states=states)
-    trace = record(env, 4).episode(0)
-    assert same(states[0], trace.state(0))
-    assert same(states[1], trace.state(1))
-    assert trace.state(2) == [1, "x"]
-    assert trace.state(3) is None
-    assert trace.states["nonconforming"].to_pylist()[3] == '{"state":{"raised":"ValueError"}}'
-    assert trace.state(99) is None
+    episode = record(env, 4).episode(0)
+    assert same(states[0], episode.state(0))
+    assert same(states[1], episode.state(1))
+    assert episode.state(2) == [1, "x"]
+    assert episode.state(3) is None
+    assert episode.states["nonconforming"].to_pylist()[3] == '{"state":{"raised":"ValueError"}}'
+    assert episode.state(99) is None
 
 
 @pytest.mark.parametrize(
@@ -159,11 +159,11 @@ def test_nonconforming_values_read_back_with_their_types(value: Any) -> None:
 
 def test_unseeded_and_option_headers_read_back() -> None:
     """Options as they were; `at` names a place."""
-    trace = record(
+    episode = record(
         Given({"a": [0]}, {"a": Discrete(2)}), 1, seed=None, options={"k": (1,)}
     ).episode(0)
-    assert trace.seed is None
-    assert trace.options == {"k": (1,)}
-    assert str(trace.at(3, "a", "rewards")) == "episode 0, turn 3, rewards['a']"
-    assert len(trace) == 2
-    assert not trace.is_digest
+    assert episode.seed is None
+    assert episode.options == {"k": (1,)}
+    assert str(episode.at(3, "a", "rewards")) == "episode 0, turn 3, rewards['a']"
+    assert len(episode) == 2
+    assert not episode.is_digest

@@ -56,7 +56,7 @@ class Duel(ParallelEnv):
 
 
 class Rock(Duel):
-    """Rock, paper, scissors; now and then the wrong one wins."""
+    """Rock, script, scissors; now and then the wrong one wins."""
 
     def step(self, actions: dict[str, int]) -> Any:
         """Pays."""

@@ -38,13 +38,13 @@ def _board() -> Evaluation:
     )
 
 
-def cell(found: dict[str, Any], *seated: str) -> dict[str, Any]:
-    """The cell in which these policies sit, in the order of the seats."""
-    return next(c for c in found["cells"] if tuple(c["roles"].values()) == seated)
+def cell(found: dict[str, Any], *positioned: str) -> dict[str, Any]:
+    """The cell in which these policies sit, in the order of the positions."""
+    return next(c for c in found["cells"] if tuple(c["roles"].values()) == positioned)
 
 
-def test_crossplay_has_a_cell_for_every_policy_in_every_seat(line: Evaluation) -> None:
-    """Nine of them, each with its n, its interval, and each seat's own return."""
+def test_crossplay_has_a_cell_for_every_policy_in_every_position(line: Evaluation) -> None:
+    """Nine of them, each with its n, its interval, and each position's own return."""
     found = line.crossplay["two_robot_line"]
     assert found["roles"] == ["picker", "carrier"]
     assert len(found["cells"]) == 9
@@ -80,7 +80,7 @@ def test_crossplay_names_the_best_response_and_how_far_others_are(line: Evaluati
 
 
 def test_crossplay_is_fair_both_ways_on_the_same_seeds(board: Evaluation) -> None:
-    """Leads of the first seat, and what is left of a difference once both have sat in it."""
+    """Leads of the first position, and what is left of a difference once both have sat in it."""
     found = board.crossplay["tictactoe"]
     assert found["who"] == "player_1"
     both = next(r for r in found["fairness"] if set(r["policies"]) == {"random", "first"})
@@ -94,9 +94,9 @@ def test_crossplay_is_fair_both_ways_on_the_same_seeds(board: Evaluation) -> Non
 
 
 def test_comparisons_of_rivals_are_of_their_meetings(board: Evaluation) -> None:
-    """Not of what each does against itself; both seats count alike."""
+    """Not of what each does against itself; both positions count alike."""
     (row,) = (each for each in board.comparisons if each["metric"] == "return")
-    assert (row["scope"], row["who"]) == ("seats", "player_1 and player_2")
+    assert (row["scope"], row["who"]) == ("positions", "player_1 and player_2")
     both = next(
         r
         for r in board.crossplay["tictactoe"]["fairness"]

@@ -132,7 +132,7 @@ def test_evaluate_refuses_one_run_under_two_names() -> None:
         "environments": {"e": "two_robot_line"},
         "policies": {"m": [{"*": "random"}, {"picker": "random", "*": "random"}]},
     }
-    found = evaluate(spec, episodes=1)  # other seats: another run
+    found = evaluate(spec, episodes=1)  # other positions: another run
     assert found.policies["m"]["runs"] == 2
     spec["policies"] = {"m": [reference, lambda o, a, i, r: 1]}
     assert evaluate(spec, episodes=1).policies["m"]["runs"] == 2

@@ -81,7 +81,7 @@ def test_suite_refuses_another_policy_than_it_pins(path: Path) -> None:
 
 
 def test_suite_results_carry_its_id_and_fingerprint(path: Path) -> None:
-    """So that a paper can cite them."""
+    """So that a script can cite them."""
     found = evaluate(path)
     assert found.suite is not None
     assert tuple(found.suite[k] for k in ("id", "version", "unpinned")) == ("small-1", "1", [])

@@ -31,11 +31,11 @@ def primary(found: Evaluation) -> list[Any]:
 TWO = {"weak": Strength(50), "strong": Strength(70)}
 
 
-def test_rivals_are_known_by_a_constant_sum_and_compared_in_both_seats() -> None:
+def test_rivals_are_known_by_a_constant_sum_and_compared_in_both_positions() -> None:
     """Win 1, lose 0: no team; the stronger is found, and who goes first gains nothing by it."""
     found = played(TWO, episodes=100, crossplay=True)
     (row,) = primary(found)
-    assert (row["scope"], row["unit"], row["n"]) == ("seats", "episode", 100)
+    assert (row["scope"], row["unit"], row["n"]) == ("positions", "episode", 100)
     assert row["difference"]["high"] < 0
     assert "weak is below strong" in row["claim"]
     assert not [r for r in found.results if r["scope"] == "team" and r["metric"] == "return"]
@@ -52,7 +52,7 @@ def test_a_team_whose_returns_vary_is_a_team() -> None:
     assert [row for row in steady.results if (row["scope"], row["metric"]) == ("team", "return")]
 
 
-def test_methods_that_are_rivals_are_compared_in_both_seats() -> None:
+def test_methods_that_are_rivals_are_compared_in_both_positions() -> None:
     """Runs are the unit, and they meet on the same seeds."""
     policies = {
         "low": [Strength(50 + k) for k in range(10)],
@@ -186,8 +186,8 @@ def test_equal_figures_have_no_interval_whatever_their_unit() -> None:
 
 
 def test_a_cycle_has_no_ranking() -> None:
-    """Rock, paper, scissors: the cycle is named, with its alpha-rank, and the matrix is there."""
-    hands = {"rock": Strength(0), "paper": Strength(1), "scissors": Strength(2)}
+    """Rock, script, scissors: the cycle is named, with its alpha-rank, and the matrix is there."""
+    hands = {"rock": Strength(0), "script": Strength(1), "scissors": Strength(2)}
     spec = {"environments": {"rps": {"spec": Rock}}, "policies": hands}
     found = evaluate(spec, episodes=100, crossplay=True)
     ranking = found.crossplay["rps"]["ranking"]

@@ -136,7 +136,7 @@ def test_advantages_are_sums_of_discounted_rewards(ppo: Any) -> None:
     """With lambda 1, against sums computed agent by agent and step by step."""
     learners, obs = played(ppo, lambda: kernel_env(RING, debug=True), length=40)
     (learner,) = learners.values()
-    learner.args = replace(learner.args, trace=1.0)
+    learner.args = replace(learner.args, gae_lambda=1.0)
     found = (learner.advantages(obs) + learner.values).numpy()
     after = learner.value(ppo.flat(obs, 2)).detach().numpy()
     assert not learner.live.all()  # batteries ran empty

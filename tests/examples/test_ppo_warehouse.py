@@ -60,7 +60,7 @@ def test_played_counts_the_first_episode_of_each_copy() -> None:
 def test_advantages_stop_at_ends_and_go_on_beyond_cuts() -> None:
     """Against the sum of discounted rewards, computed robot by robot and step by step."""
     pytest.importorskip("torch")
-    learner = Learner(WINDY, replace(SMALL, trace=1.0), 0)
+    learner = Learner(WINDY, replace(SMALL, gae_lambda=1.0), 0)
     steps = learner.play()
     found = (learner.advantages(steps) + steps.values).numpy()
     for e in range(SMALL.copies):

@@ -31,7 +31,7 @@ def few(selfplay: Any, **given: Any) -> Any:
 
 def test_every_move_has_what_its_player_got_in_the_end(selfplay: Any) -> None:
     """Undiscounted and with lambda 1: 1 of who won, -1 of who lost, whoever moved last."""
-    args = replace(few(selfplay), trace=1.0, discount=1.0, weak=0.0, opening=0)
+    args = replace(few(selfplay), gae_lambda=1.0, discount=1.0, weak=0.0, opening=0)
     moves = selfplay.SelfPlay(args, 0).play()
     env, looked = gk.make("connect_four"), {1.0: 0, -1.0: 0}
     for game in range(args.games):

@@ -59,7 +59,7 @@ class OptionsFilledIn(Rovers):
         return super().reset(seed, options)
 
 
-# Policies ask for spaces, and a replay from paper doesn't: the same actions go another way.
+# Policies ask for spaces, and a replay from script doesn't: the same actions go another way.
 @faulty("GK633", also=("GK607",))
 class SpacesDraw(Rovers):
     """action_space() draws a seed for the space from the game's generator.

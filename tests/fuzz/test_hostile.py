@@ -108,7 +108,7 @@ def test_cell_of_another_shape_is_one_documented_error(line: Path, text: str) ->
     finalize_again_file(line, "agent_steps.parquet")
     evidence = gk.load(line)
     with pytest.raises(EvidenceError):
-        [turn.infos for trace in evidence.episodes for turn in trace.turns]
+        [turn.infos for episode in evidence.episodes for turn in episode.turns]
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,10 @@ def test_saved_case_holds_no_code_of_the_evidence(monkeypatch: pytest.MonkeyPatc
     """Words of a diagnosed run end no docstring: the case is a file that somebody runs."""
     evil = '"""\nimport os; os.abort()\n"""\\'
     found = SimpleNamespace(labels=("planning",), why=evil, substitutes=(1,), tested=(), scope=evil)
-    diagnosis = SimpleNamespace(runs={"a": "x", evil: "y"}, team=found, agents={}, fingerprint=evil)
+    runs = {"a": "x", evil: "y"}
+    diagnosis = SimpleNamespace(
+        runs=runs, team=found, agents={}, answers=(found,), fingerprint=evil
+    )
     evidence = SimpleNamespace(
         episode_table=SimpleNamespace(num_rows=2), manifest={"seed": 1}, contract=None
     )

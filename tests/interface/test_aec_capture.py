@@ -28,8 +28,8 @@ A, B, C = NAMES[:3]
 few = settings(max_examples=40)
 
 
-def trace_of(script: list[Turn], turns: int, n: int = 3) -> Episode:
-    """The trace of an episode played from a script."""
+def episode_of(script: list[Turn], turns: int, n: int = 3) -> Episode:
+    """The episode of an episode played from a script."""
     wrapped, sink = recorded(ScriptedAEC(script, n))
     play_aec(wrapped, turns)
     return evidence_of(wrapped, sink).episode(0)
@@ -108,7 +108,7 @@ def test_roster_can_be_followed_from_rows_alone(script: list[Turn]) -> None:
 def test_rows_stand_only_for_who_acted_was_paid_or_changed() -> None:
     """Turn 0 lists everybody; then only those with something to say."""
     script = [Turn(), Turn(pays=((0, 2.0),)), Turn(ends=((0, True),)), Turn()]
-    turns = list(trace_of(script, 4).turns)
+    turns = list(episode_of(script, 4).turns)
     assert [(*turn.order, *sorted(set(turn.agents) - set(turn.order))) for turn in turns] == [
         (A, B, C),
         (B, A),
@@ -125,7 +125,7 @@ def test_rows_stand_only_for_who_acted_was_paid_or_changed() -> None:
 
 def test_agent_that_leaves_without_a_word_has_a_row() -> None:
     """Its flags are False and it isn't live; who ends by its own last turn needs none."""
-    turns = list(trace_of([Turn(leaves=(1,)), Turn()], 3).turns)
+    turns = list(episode_of([Turn(leaves=(1,)), Turn()], 3).turns)
     assert B in turns[1].agents
     assert B not in turns[1].live
     assert turns[1].terminated[B] is False
@@ -133,7 +133,7 @@ def test_agent_that_leaves_without_a_word_has_a_row() -> None:
 
 def test_newcomers_have_a_row_at_the_turn_that_follows() -> None:
     """Announced or not."""
-    turns = list(trace_of([Turn(joins=2), Turn()], 3).turns)
+    turns = list(episode_of([Turn(joins=2), Turn()], 3).turns)
     assert {NAMES[3], NAMES[4]} <= set(turns[1].agents)
     assert {NAMES[3], NAMES[4]} <= turns[1].live
     assert turns[1].cumulative_reward == {B: 0.0}
@@ -142,9 +142,9 @@ def test_newcomers_have_a_row_at_the_turn_that_follows() -> None:
 def test_end_of_everybody_is_an_end_whether_or_not_the_dead_step() -> None:
     """All flags set: ended, both with the None turns played and without; else cut."""
     everybody = Turn(ends=((0, True), (1, True), (2, False)))
-    assert trace_of([everybody], 1).header["end"] == "ended"
-    assert trace_of([everybody], 9).header["end"] == "ended"
-    assert trace_of([Turn(ends=((0, True),))], 1).header["end"] == "cut"
+    assert episode_of([everybody], 1).header["end"] == "ended"
+    assert episode_of([everybody], 9).header["end"] == "ended"
+    assert episode_of([Turn(ends=((0, True),))], 1).header["end"] == "cut"
 
 
 def test_look_without_a_step_is_a_closing_row() -> None:
@@ -184,13 +184,13 @@ def test_last_look_of_a_turn_counts() -> None:
 
 def test_raise_is_told_and_the_same_decision_stands_again() -> None:
     """Its row names the exception; the agent in turn acts again at the next."""
-    trace = trace_of([Turn(raises=True), Turn()], 2)
-    raised, again = trace.turns
+    episode = episode_of([Turn(raises=True), Turn()], 2)
+    raised, again = episode.turns
     assert raised.live == {A, B, C}
     assert {A: f"{ScriptError.__module__}.{ScriptError.__name__}"} == dict(raised.raised)
     assert raised.order == again.order == (A,)
     assert again.cumulative_reward == {A: 0.0}
-    assert trace.header["end"] == "cut"
+    assert episode.header["end"] == "cut"
 
 
 class Bare(ScriptedAEC):

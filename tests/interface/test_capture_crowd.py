@@ -74,18 +74,18 @@ def operations(n: int, turns: int) -> int:
     ours = sys.modules[AECCapture.__module__].__file__ or ""
     room = ours.rpartition("/")[0]
 
-    def trace(frame: Any, event: str, argument: Any) -> Any:
+    def episode(frame: Any, event: str, argument: Any) -> Any:
         nonlocal count
         if not frame.f_code.co_filename.startswith(room):
             return None
         frame.f_trace_opcodes = True
         count += event == "opcode"
-        return trace
+        return episode
 
     before = sys.gettrace()
     # Python 3.12 turns opcode events on with settrace, and only where some frame asked before.
     sys._getframe().f_trace_opcodes = True
-    sys.settrace(trace)
+    sys.settrace(episode)
     try:
         for _ in range(turns):
             _, _, over, *_ = wrapped.last()

@@ -24,7 +24,7 @@ def role(agent: str) -> str | None:
 
 
 def cast(policies: Any, space: Any = FOUR, agents: Any = AGENTS, **options: Any) -> JointPolicy:
-    """A cast for three agents with roles, in its first episode."""
+    """A joint policy for three agents with roles, in its first episode."""
     options.setdefault("roles", role)
     made = assign(policies, possible_agents=agents, action_space=lambda agent: space, **options)
     made.begin(0, 0)
@@ -36,7 +36,7 @@ def constant(action: Any) -> Callable[..., Any]:
     return lambda observation, agent, info, rng: action
 
 
-def test_cast_prefers_the_agents_choice_to_its_roles_to_everyones() -> None:
+def test_joint_policy_prefers_the_agents_choice_to_its_roles_to_everyones() -> None:
     """A choice by name goes before one by role, that before `*`."""
     chosen = {"picker_1": constant(1), "picker": constant(2), "*": constant(3)}
     played = cast(chosen)
@@ -44,7 +44,7 @@ def test_cast_prefers_the_agents_choice_to_its_roles_to_everyones() -> None:
     assert played.act("picker_9", None, {}) == 2  # joins late, named nowhere
 
 
-def test_cast_plays_random_where_nothing_is_chosen() -> None:
+def test_joint_policy_plays_random_where_nothing_is_chosen() -> None:
     """`--policy picker=noop` leaves the carriers to chance."""
     played = cast({"picker": "noop"}, noop=lambda agent: 2)
     described = played.described([*AGENTS, "carrier_7"])
@@ -63,7 +63,7 @@ def test_cast_plays_random_where_nothing_is_chosen() -> None:
     assert cast(None).described(AGENTS) == cast("random").described(AGENTS)
 
 
-def test_cast_refuses_a_choice_for_nobody() -> None:
+def test_joint_policy_refuses_a_choice_for_nobody() -> None:
     """An agent or role that isn't in the game is named with what comes near it."""
     with pytest.raises(PolicyError, match=r"'carier'.*the nearest.*'carrier'"):
         cast({"carier": "random"})
@@ -71,7 +71,7 @@ def test_cast_refuses_a_choice_for_nobody() -> None:
     cast({"anybody": "random"}, agents=[])  # the environment can't say who will come
 
 
-def test_cast_draws_depend_on_nobody_else() -> None:
+def test_joint_policy_draws_depend_on_nobody_else() -> None:
     """Another order of acting, one agent less, or a late start change no agent's actions."""
 
     def actions(order: list[str], turns: int) -> dict[str, list[int]]:
@@ -87,7 +87,7 @@ def test_cast_draws_depend_on_nobody_else() -> None:
     assert len(set(map(tuple, there.values()))) == 3
 
 
-def test_cast_draws_depend_on_run_and_episode_alone() -> None:
+def test_joint_policy_draws_depend_on_run_and_episode_alone() -> None:
     """Episode 5 is the same whichever episodes were played before it."""
     played, space = cast("random", spaces.Discrete(10**6)), spaces.Discrete(10**6)
     played.begin(3, 5)
@@ -100,7 +100,7 @@ def test_cast_draws_depend_on_run_and_episode_alone() -> None:
     assert first != other
 
 
-def test_cast_hands_a_policy_the_agents_own_stream() -> None:
+def test_joint_policy_hands_a_policy_the_agents_own_stream() -> None:
     """`rng` is the stream that run seed, episode and name give, so a policy can be played again."""
     got: list[float] = []
 
@@ -115,7 +115,7 @@ def test_cast_hands_a_policy_the_agents_own_stream() -> None:
     assert got == policy_rng(8, 2, "picker_1").random(2).tolist()
 
 
-def test_cast_hands_over_what_the_agent_was_given() -> None:
+def test_joint_policy_hands_over_what_the_agent_was_given() -> None:
     """Observation and info reach the policy as they are, not as copies."""
     seen: list[Any] = []
     observation, info = np.zeros(2), {"x": 1}
@@ -130,7 +130,7 @@ def test_cast_hands_over_what_the_agent_was_given() -> None:
     assert seen[0][2] is info
 
 
-def test_cast_resets_policies_that_can_be_reset() -> None:
+def test_joint_policy_resets_policies_that_can_be_reset() -> None:
     """`reset(seed)` comes once an episode, with a seed of run, episode and whom it plays."""
 
     class Resets:
@@ -170,21 +170,21 @@ COUNTING = Counting()
 
 
 @pytest.mark.parametrize("place", ["a", "*"])
-def test_cast_leaves_a_modules_object_as_it_was(place: str) -> None:
-    """Each cast that names it by a text plays with a copy, so that all begin alike."""
+def test_joint_policy_leaves_a_modules_object_as_it_was(place: str) -> None:
+    """Each joint_policy that names it by a text plays with a copy, so that all begin alike."""
     for _ in range(2):
-        cast = assign(
+        joint_policy = assign(
             {place: f"{__name__}:COUNTING"},
             possible_agents=["a"],
             action_space=lambda agent: spaces.Discrete(2),
         )
-        cast.begin(0, 0)
-        cast.act("a", None, {})
-        assert cast.chosen_for("a").policy.calls == 1
+        joint_policy.begin(0, 0)
+        joint_policy.act("a", None, {})
+        assert joint_policy.chosen_for("a").policy.calls == 1
     assert COUNTING.calls == 0
 
 
-def test_cast_resets_a_policy_that_takes_no_seed() -> None:
+def test_joint_policy_resets_a_policy_that_takes_no_seed() -> None:
     """A `reset()` without arguments is called without any."""
     calls = []
 
@@ -200,13 +200,13 @@ def test_cast_resets_a_policy_that_takes_no_seed() -> None:
     assert set(calls) == {"reset"}
 
 
-def test_cast_takes_agents_of_any_kind() -> None:
+def test_joint_policy_takes_agents_of_any_kind() -> None:
     """Agents that are numbers are chosen for by their text."""
     played = cast({"1": constant(1), "*": constant(0)}, agents=[0, 1], roles=lambda agent: None)
     assert [played.act(agent, None, {}) for agent in (0, 1)] == [0, 1]
 
 
-def test_cast_keeps_a_policy_that_looks_empty() -> None:
+def test_joint_policy_keeps_a_policy_that_looks_empty() -> None:
     """A policy object with a length of 0 is a policy all the same."""
 
     class Empty:
@@ -220,32 +220,32 @@ def test_cast_keeps_a_policy_that_looks_empty() -> None:
 
 
 @pytest.mark.parametrize("action", [0, 3, np.int64(2), np.uint8(1), np.array(1)])
-def test_cast_passes_on_actions_as_they_are(action: Any) -> None:
+def test_joint_policy_passes_on_actions_as_they_are(action: Any) -> None:
     """What a policy returns isn't coerced."""
     assert cast(constant(action)).act("picker_0", None, {}) is action
 
 
 @pytest.mark.parametrize("action", [4, -1, np.int64(4), 1.5, "1", [1], np.array([1])])
-def test_cast_refuses_an_action_outside_a_discrete_space(action: Any) -> None:
+def test_joint_policy_refuses_an_action_outside_a_discrete_space(action: Any) -> None:
     """Agent, policy, action and space are named."""
     with pytest.raises(ActionError, match="picker_0") as caught:
         cast(constant(action)).act("picker_0", None, {})
     assert "Discrete(4)" in str(caught.value)
 
 
-def test_cast_leaves_actions_of_other_spaces_to_the_environment() -> None:
+def test_joint_policy_leaves_actions_of_other_spaces_to_the_environment() -> None:
     """Many environments take a list or a float64 where their space says float32."""
     box = spaces.Box(-1, 1, (2,))
     assert cast(constant([0.5, 0.5]), box).act("picker_0", None, {}) == [0.5, 0.5]
 
 
-def test_cast_refuses_none_for_a_live_agent() -> None:
+def test_joint_policy_refuses_none_for_a_live_agent() -> None:
     """A policy that forgot to return is told apart from an environment that failed."""
     with pytest.raises(PolicyError, match="returned None for 'picker_0', which is alive"):
         cast(constant(None)).act("picker_0", None, {})
 
 
-def test_cast_tells_what_a_policy_raised() -> None:
+def test_joint_policy_tells_what_a_policy_raised() -> None:
     """The error names agent and policy and keeps the traceback and the cause."""
 
     def broken(observation: Any, agent: Any, info: Any, rng: Generator) -> int:
@@ -257,7 +257,7 @@ def test_cast_tells_what_a_policy_raised() -> None:
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
 
 
-def test_cast_tells_what_a_policys_reset_raised() -> None:
+def test_joint_policy_tells_what_a_policys_reset_raised() -> None:
     """A reset that fails is as much the policy's as an action that does."""
 
     class Broken:

@@ -14,7 +14,7 @@ from gamekeeper.foreign._spaces import as_gymnasium, box, idle
 from gamekeeper.foreign.jaxmarl import JaxMarl, key_of
 from gamekeeper.foreign.jumanji import Jumanji
 from gamekeeper.foreign.marlenv import MarlEnv
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.opening import distrust, open_env, reopen
 from gamekeeper.runs.comparison import replay_evidence
 from gamekeeper.runs.recording import rollout
@@ -269,7 +269,7 @@ def test_openspiel_refuses_unknown_and_mean_field_games() -> None:
 @pytest.mark.parametrize("word", ["jaxmarl", "jumanji", "overcooked", "pogema", "momaland"])
 def test_family_names_what_to_install(word: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without its package a family says which line installs it, and evidence isn't trusted."""
-    there = named.importlib.util.find_spec
+    there = foreign_openers.importlib.util.find_spec
 
     def absent(name: str, package: str | None = None) -> Any:
         return None if name == word else there(name, package)
@@ -283,7 +283,14 @@ def test_family_names_what_to_install(word: str, monkeypatch: pytest.MonkeyPatch
 
 def test_family_words_are_found_by_walking() -> None:
     """Every opener with a word is known to the one that reads words as modules."""
-    assert {"gymnasium", "gym", "jaxmarl", "jumanji", "momaland", "openspiel"} <= named.words()
+    assert {
+        "gymnasium",
+        "gym",
+        "jaxmarl",
+        "jumanji",
+        "momaland",
+        "openspiel",
+    } <= foreign_openers.words()
 
 
 def test_spaces_are_read_by_the_names_of_their_classes() -> None:

@@ -28,8 +28,8 @@ A, B, C = NAMES[:3]
 few = settings(max_examples=40)
 
 
-def trace_of(script: list[Turn], ticks: int, n: int = 3) -> Episode:
-    """The trace of an episode played from a script."""
+def episode_of(script: list[Turn], ticks: int, n: int = 3) -> Episode:
+    """The episode of an episode played from a script."""
     wrapped, sink = recorded(ScriptedParallel(script, n))
     play_parallel(wrapped, ticks)
     return evidence_of(wrapped, sink).episode(0)
@@ -56,9 +56,9 @@ def test_rows_pay_each_agent_what_every_step_did(script: list[Turn]) -> None:
 @given(SCRIPTS)
 def test_rows_of_a_turn_are_its_live_agents_and_those_who_end(script: list[Turn]) -> None:
     """Each (turn, agent) stands once; received is what the step before paid."""
-    trace = trace_of(script, 15)
+    episode = episode_of(script, 15)
     before: Any = None
-    for turn in trace.turns:
+    for turn in episode.turns:
         assert len(turn.agents) == len(set(turn.agents))
         assert turn.live <= set(turn.agents)
         if before is not None and not before.raised:
@@ -89,16 +89,16 @@ def test_rows_are_the_same_by_the_short_look_and_the_whole(script: list[Turn]) -
 
 def test_turn_is_a_tick_with_a_last_row_for_the_end() -> None:
     """Two ticks are two turns with actions, and closing rows after them."""
-    trace = trace_of([Turn(), Turn(ends=((0, True), (1, False), (2, True)))], 9)
-    turns = list(trace.turns)
+    episode = episode_of([Turn(), Turn(ends=((0, True), (1, False), (2, True)))], 9)
+    turns = list(episode.turns)
     assert [turn.index for turn in turns] == [0, 1, 2]
     assert [turn.order for turn in turns] == [(A, B, C), (A, B, C), ()]
     assert turns[2].agents == (A, B, C)
     assert turns[2].live == frozenset()
     assert turns[2].terminated == {A: True, B: False, C: True}
     assert turns[2].truncated == {A: False, B: True, C: False}
-    assert trace.header["end"] == "ended"
-    assert trace.header["turns"] == 2
+    assert episode.header["end"] == "ended"
+    assert episode.header["turns"] == 2
 
 
 def test_order_is_that_of_the_action_dictionary() -> None:
@@ -209,8 +209,8 @@ def test_value_that_does_not_conform_is_kept_as_it_was(
 
 def test_raise_is_told_and_the_same_decision_stands_again() -> None:
     """Rows of the raising turn name the exception; the next turn was given the same."""
-    trace = trace_of([Turn(), Turn(raises=True), Turn()], 3)
-    _, raised, again, closing = trace.turns
+    episode = episode_of([Turn(), Turn(raises=True), Turn()], 3)
+    _, raised, again, closing = episode.turns
     name = f"{ScriptError.__module__}.{ScriptError.__name__}"
     assert dict.fromkeys((A, B, C), name) == dict(raised.raised)
     assert raised.rewards == {}
@@ -218,7 +218,7 @@ def test_raise_is_told_and_the_same_decision_stands_again() -> None:
         assert raised.observations[agent].tolist() == again.observations[agent].tolist()
     assert again.order == (A, B, C)
     assert closing.order == ()
-    assert trace.header["end"] == "cut"
+    assert episode.header["end"] == "cut"
 
 
 def test_raise_that_nobody_plays_on_from_ends_the_episode_as_failed() -> None:
@@ -294,11 +294,11 @@ def test_action_of_another_whole_type_keeps_value_and_type() -> None:
             wrapped.step({A: action})
     evidence = evidence_of(wrapped, sink)
     for episode, kinds in enumerate(([int, np.int64, int], [np.int64, int, np.int64])):
-        trace = evidence.episode(episode)
-        turns = list(trace.turns)
+        episode = evidence.episode(episode)
+        turns = list(episode.turns)
         assert kinds == [type(turn.actions[A]) for turn in turns[:3]]
         assert [turn.actions[A] for turn in turns[:3]] == [1, 2, 1]
-        assert trace.steps["action"].to_pylist() == [1, 2, 1, None, None, None, None]
+        assert episode.steps["action"].to_pylist() == [1, 2, 1, None, None, None, None]
         assert turns[3].actions[A] == 2**70
         assert turns[4].actions[A] == "left"
         assert turns[5].nonconforming[A]["action"]["type"].endswith("Discrete")
@@ -335,8 +335,8 @@ def test_interrupt_amid_the_books_loses_no_row(where: list[int], resumes: bool) 
         if resumes:
             wrapped.step(actions)
     evidence = evidence_of(wrapped, sink)
-    trace = evidence.episode(0)
-    turns = list(trace.turns)
+    episode = evidence.episode(0)
+    turns = list(episode.turns)
     assert env.turn + 1 == len(turns)
     assert all(turn.agents == (A, B, C) for turn in turns)
     assert (paid_in(evidence)[A] or 0.0) == env.turn

@@ -40,7 +40,8 @@ def test_screen_says_what_is_striking_where_no_agent_alone_is_named() -> None:
     """Facts of the response tests, such as a policy that reacts to nothing."""
     evidence = gk.rollout("handover", policies="reference", episodes=2)
     document = gk.diagnose(evidence, perturbations=False).to_json()
-    plain = {"changes": 9, "reactions": 5, "lag": 0, "randomness": 0.0, "text": "reacts at once"}
+    plain = {"changes": 9, "reactions": 5, "lag": 0, "randomness": 0.0}
+    plain |= {"is_repeatable": True, "text": "reacts at once"}
     deaf = {**plain, "reactions": 0, "lag": None, "text": "reacts to no change"}
     text = diagnosis_screen({**document, "responses": {"a_0": plain, "b_0": deaf}}, width=80)
     assert "Noted      b_0 reacts to no change" in text

@@ -12,9 +12,9 @@ from pettingzoo import ParallelEnv
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.generators import is_same_state
-from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
+from gamekeeper.rollouts.continuations import Continuations, RecordedEpisode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 
 class Walk(ParallelEnv):
@@ -84,10 +84,10 @@ class Counting:
 
 def continuations(env: Any, policy: Any, **settings: Any) -> Continuations:
     """Continuations of an episode that was just played."""
-    cast = cast_of(policy, env, None)
-    played = perform(EpisodePlan(seed=3), env, cast=cast, cast_seed=5)
-    course = RecordedCourse(played.play, env, cast, 5, Contract(), 1000)
-    return Continuations(course, budget=10_000, **settings)
+    joint_policy = joint_policy_of(policy, env, None)
+    played = perform(EpisodePlan(seed=3), env, joint_policy=joint_policy, policy_seed=5)
+    base = RecordedEpisode(played.play, env, joint_policy, 5, Contract(), 1000)
+    return Continuations(base, budget=10_000, **settings)
 
 
 @pytest.mark.parametrize("policy", ["random", Counting()], ids=["random", "remembers"])
@@ -136,7 +136,7 @@ def test_continuations_refuse_an_episode_that_plays_otherwise() -> None:
     """A turn that doesn't come out as it did before is told."""
     found = continuations(Walk(), "random", copies=False)
     found.play(3, [1])
-    found.course.env.reset = lambda seed=None, options=None: Walk.reset(found.course.env, 7)
+    found.base.env.reset = lambda seed=None, options=None: Walk.reset(found.base.env, 7)
     with pytest.raises(EvidenceError, match="doesn't play twice"):
         found.play(3, [1])
 
@@ -188,8 +188,8 @@ def test_continuations_refuse_a_memory_that_outlives_an_episode() -> None:
 def test_continuations_hold_an_action_and_what_its_policy_remembers() -> None:
     """The policy of a held action has jammed on the recorded draws, whatever is drawn later."""
     found = continuations(Walk(), {"*": "random", "a": Jamming()})
-    jams_at = [actions["a"] for actions in found.course.actions].index(0)
-    held = dict(found.course.actions[jams_at])
+    jams_at = [actions["a"] for actions in found.base.actions].index(0)
+    held = dict(found.base.actions[jams_at])
     later = [episode.taken[-1]["a"] for episode in found._played(jams_at, range(8), held)]
     assert later == [0] * 8
 

@@ -8,27 +8,29 @@ from gamekeeper.episodes.divergence import compare
 from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 from gamekeeper.rollouts.reruns import shrink
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from tests.faults.rovers import Rovers
 from tests.faults.traders import Traders
 
 
 @pytest.mark.parametrize("make", [Rovers, Traders])
-def test_play_on_paper_repeats_the_play(make: Any) -> None:
-    """What policies chose can be played again from paper, to the same rows."""
+def test_scripted_play_repeats_the_play(make: Any) -> None:
+    """What policies chose can be played again from script, to the same rows."""
     env = make()
-    first = perform(EpisodePlan(seed=4), env, cast=cast_of("random", env, None))
+    first = perform(EpisodePlan(seed=4), env, joint_policy=joint_policy_of("random", env, None))
     again = perform(first.play, make())
 
     assert first.is_over
-    assert compare(first.trace, again.trace).is_exact
+    assert compare(first.episode, again.episode).is_exact
     assert again.play == first.play
 
 
 def test_play_is_cut_at_its_length() -> None:
     """No more turns than asked for."""
     env = Rovers()
-    played = perform(EpisodePlan(seed=4, most_turns=3), env, cast=cast_of("random", env, None))
+    played = perform(
+        EpisodePlan(seed=4, most_turns=3), env, joint_policy=joint_policy_of("random", env, None)
+    )
 
     assert len(played.play.actions or ()) == 3
     assert not played.is_over
@@ -47,20 +49,20 @@ def test_hooks_change_what_is_done(make: Any) -> None:
             return {agent: a if a is None else 0 for agent, a in actions.items()}
 
     env = make()
-    base = perform(EpisodePlan(seed=4), env, cast=cast_of("random", env, None))
+    base = perform(EpisodePlan(seed=4), env, joint_policy=joint_policy_of("random", env, None))
     counterfactual = perform(base.play, make(), change=Stay())
 
-    divergence = compare(base.trace, counterfactual.trace).divergence
+    divergence = compare(base.episode, counterfactual.episode).divergence
     assert divergence is not None
     assert divergence.field == "action"
-    assert counterfactual.trace.change == {"change": "Stay"}
+    assert counterfactual.episode.change == {"change": "Stay"}
 
 
 def test_play_tells_what_raised() -> None:
     """An exception of the environment is data: which call, after how many steps."""
     env = Rovers()
     env.drive = lambda agent, action: 1 / 0
-    played = perform(EpisodePlan(seed=4), env, cast=cast_of("random", env, None))
+    played = perform(EpisodePlan(seed=4), env, joint_policy=joint_policy_of("random", env, None))
 
     assert played.failed is not None
     assert (played.failed.call, played.failed.turn) == ("step", 1)

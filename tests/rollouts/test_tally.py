@@ -12,7 +12,7 @@ from gamekeeper.interface.opening import open_env
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EvidenceOptions, perform
 from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
 from gamekeeper.rollouts.tally import tally
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 
 def _rounded(outcome: Outcome) -> dict[str, Any]:
@@ -32,23 +32,23 @@ def _rounded(outcome: Outcome) -> dict[str, Any]:
     "spec", ["two_robot_line", "handover", "warehouse", "warehouse_turns", "connect_four"]
 )
 def test_tally_counts_what_the_record_says(spec: str, most_turns: int) -> None:
-    """Returns, terms, endings, infos and length are those of the trace."""
+    """Returns, terms, endings, infos and length are those of the episode."""
     opened = open_env(spec)
     contract = declared_contract(None, opened)
-    cast = cast_of("random", opened.env, contract)
+    joint_policy = joint_policy_of("random", opened.env, contract)
     for seed in range(2):
         play = EpisodePlan(seed=seed, stream=seed, most_turns=most_turns)
-        options: dict[str, Any] = {"cast": cast, "contract": contract}
+        options: dict[str, Any] = {"joint_policy": joint_policy, "contract": contract}
         played = perform(play, opened.env, keep=EvidenceOptions(state=False), **options)
         counted = tally(play, opened.env, **options)
-        assert _rounded(counted) == _rounded(outcome_of(played.trace))
+        assert _rounded(counted) == _rounded(outcome_of(played.episode))
 
 
 def test_tally_plays_a_change() -> None:
     """A change is played as a rerun plays it."""
     opened = open_env("two_robot_line")
     contract = declared_contract(None, opened)
-    cast = cast_of("reference", opened.env, contract)
+    joint_policy = joint_policy_of("reference", opened.env, contract)
     play, change = (
         EpisodePlan(seed=3, most_turns=1),
         ReplacedAction(turn=0, agent="picker", action=1),
@@ -56,13 +56,13 @@ def test_tally_plays_a_change() -> None:
     played = perform(
         play,
         opened.env,
-        cast=cast,
+        joint_policy=joint_policy,
         change=change,
         contract=contract,
         keep=EvidenceOptions(state=False),
     )
-    counted = tally(play, opened.env, cast=cast, change=change, contract=contract)
-    assert _rounded(counted) == _rounded(outcome_of(played.trace))
+    counted = tally(play, opened.env, joint_policy=joint_policy, change=change, contract=contract)
+    assert _rounded(counted) == _rounded(outcome_of(played.episode))
 
 
 def test_tally_keeps_what_broke_an_episode_off() -> None:
@@ -72,8 +72,8 @@ def test_tally_keeps_what_broke_an_episode_off() -> None:
         raise RuntimeError("no idea")
 
     opened = open_env("two_robot_line")
-    cast = cast_of(broken, opened.env, None)
-    outcome = tally(EpisodePlan(seed=0), opened.env, cast=cast)
+    joint_policy = joint_policy_of(broken, opened.env, None)
+    outcome = tally(EpisodePlan(seed=0), opened.env, joint_policy=joint_policy)
     assert outcome.error is not None
     assert "no idea" in outcome.error
     assert not outcome.is_over
@@ -95,7 +95,7 @@ def test_tally_says_at_which_turn_a_policy_raised(spec: str) -> None:
                 raise RuntimeError("tired")
             return 1
 
-    for count in (tally, lambda *given, **options: outcome_of(perform(*given, **options).trace)):
-        outcome = count(EpisodePlan(seed=0), opened.env, cast=Tired())
+    for count in (tally, lambda *given, **options: outcome_of(perform(*given, **options).episode)):
+        outcome = count(EpisodePlan(seed=0), opened.env, joint_policy=Tired())
         turns.append(outcome.turns)
     assert turns[0] == turns[1] > 0

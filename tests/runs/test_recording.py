@@ -154,8 +154,8 @@ def test_rollout_plays_each_episode_from_its_own_seed() -> None:
     few, many = (list(rollout(Walk(), episodes=n, seed=4).episodes) for n in (2, 4))
     other = rollout(Walk(), episodes=1, seed=5).episodes[0]
 
-    assert [trace.header["fingerprint"] for trace in few] == [
-        trace.header["fingerprint"] for trace in many[:2]
+    assert [episode.header["fingerprint"] for episode in few] == [
+        episode.header["fingerprint"] for episode in many[:2]
     ]
     assert few[0].header["fingerprint"] != other.header["fingerprint"]
 

@@ -45,9 +45,9 @@ def test_rollout_of_no_episode_is_refused() -> None:
 def test_evidence_traces_and_turns_are_shown_in_one_line() -> None:
     """At a prompt nobody wants to see all columns."""
     evidence = gk.rollout(LINE, episodes=1)
-    trace = evidence.episodes[0]
-    turn = trace.turns[0]
-    for thing in (evidence, trace, turn):
+    episode = evidence.episodes[0]
+    turn = episode.turns[0]
+    for thing in (evidence, episode, turn):
         assert len(repr(thing).splitlines()) == 1
         assert len(repr(thing)) < 100
 
@@ -128,10 +128,10 @@ def test_large_states_are_put_aside_and_come_back(tmp_path: Path) -> None:
     for _ in range(40):
         painted(env)
     env.close()
-    traces = list(gk.load(tmp_path / "run").episodes)
-    assert len(traces) == 40
-    for trace in traces:
-        states = [turn.state for turn in trace.turns]
+    episodes = list(gk.load(tmp_path / "run").episodes)
+    assert len(episodes) == 40
+    for episode in episodes:
+        states = [turn.state for turn in episode.turns]
         assert [None if s is None else int(s.max()) for s in states] == [0, 1, 2, None, 4, 5, 6]
     assert verify(tmp_path / "run").ok
 

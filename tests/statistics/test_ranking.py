@@ -6,7 +6,7 @@ import pytest
 from gamekeeper.statistics.ranking import alpha_rank, cycle_of
 
 ROCK = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]], bool)
-"""Rock, paper, scissors."""
+"""Rock, script, scissors."""
 
 
 def test_cycle_of_rock_paper_scissors_goes_round() -> None:

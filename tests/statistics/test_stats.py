@@ -83,7 +83,7 @@ def test_sign_flip_test_refuses_no_pairs() -> None:
 
 
 def test_holm_gives_published_values() -> None:
-    """The corrected values are those of the paper's procedure."""
+    """The corrected values are those of the script's procedure."""
     assert pytest.approx((0.03, 0.06, 0.06, 0.02)) == holm((0.01, 0.04, 0.03, 0.005))
 
 

@@ -98,3 +98,29 @@ def test_a_class_name_stands_once() -> None:
             if isinstance(node, ast.ClassDef):
                 where[node.name].add(module)
     assert {name: files for name, files in where.items() if len(files) > 1} == {}
+
+
+JARGON = {"trace", "traces", "_trace", "cast", "_cast", "course", "film", "seat", "seats"}
+"""Names of an episode, a joint policy, actions, a track and a position before they had one word."""
+ELSEWHERE = {
+    "gamekeeper.viewing.video_file",
+    "gamekeeper.interface.casting",
+    "gamekeeper.interface.authoring",
+}
+"""Modules in which one of them is the field's own word."""
+
+
+def test_names_are_those_of_the_glossary() -> None:
+    """One thing has one name: no variable, argument or function has one of the former names."""
+    found = {}
+    for module, path in modules().items():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = {
+            getattr(node, "name", None) or getattr(node, "arg", None) or getattr(node, "id", None)
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef | ast.arg)
+            or (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
+        }
+        if module not in ELSEWHERE and names & JARGON:
+            found[module] = names & JARGON
+    assert found == {}

@@ -64,14 +64,14 @@ def lines_of(play: Callable[[], object]) -> int:
     """How many lines of the package run in a call."""
     count = 0
 
-    def trace(frame: Any, event: str, argument: object) -> Any:
+    def episode(frame: Any, event: str, argument: object) -> Any:
         nonlocal count
         if "gamekeeper" not in frame.f_code.co_filename:
             return None
         count += event == "line"
-        return trace
+        return episode
 
-    sys.settrace(trace)
+    sys.settrace(episode)
     try:
         play()
     finally:

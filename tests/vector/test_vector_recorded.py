@@ -59,7 +59,7 @@ def first(observation: Any, agent: Any, info: Any, rng: Any) -> Any:
 def test_episodes_have_the_fingerprints_they_have_one_by_one(
     spec: str, options: dict[str, Any], tmp_path: Path
 ) -> None:
-    """Engine, workers and timing leave no trace in the evidence."""
+    """Engine, workers and timing leave no episode in the evidence."""
     kwargs = {"horizon": 9} if spec.startswith("warehouse") else {}
     venv = gk.record(make(spec, 4, env_kwargs=kwargs, **options), tmp_path / "many")
     played(venv, 100)

@@ -35,7 +35,7 @@ def task(
     check: str | None = "quick",
     env_kwargs: Mapping[str, Any] | None = None,
     **options: Any,
-) -> GameTask:
+) -> GamekeeperTask:
     """A multi-agent environment as a task: `Experiment(task=task("warehouse"), ...)`.
 
     | | |
@@ -97,7 +97,7 @@ def task(
         "is_discrete": is_discrete,
         **options,
     }
-    return GameTask(re.sub(r"[^A-Za-z0-9_.-]+", "_", spec), config)
+    return GamekeeperTask(re.sub(r"[^A-Za-z0-9_.-]+", "_", spec), config)
 
 
 def _are_discrete(kinds: Mapping[Any, Any], *, is_aec: bool) -> bool:
@@ -116,7 +116,7 @@ def _are_discrete(kinds: Mapping[Any, Any], *, is_aec: bool) -> bool:
     )
 
 
-class GameTask(TaskClass):
+class GamekeeperTask(TaskClass):
     """Use `task`."""
 
     def get_env_fun(

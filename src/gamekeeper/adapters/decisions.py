@@ -16,7 +16,7 @@ def decided(
     acting: Any,
     *,
     gamma: float,
-    trace: float,
+    gae_lambda: float,
 ) -> tuple[Any, Any]:
     """Advantages of decisions, and which of them are known; all arrays are [step, slot].
 
@@ -27,7 +27,7 @@ def decided(
         ends: whether its episode ended in it.
         last_values: [slot], of what it is shown after the last step.
         acting: [slot], whether it acts next.
-        gamma, trace: discount and lambda, per decision.
+        gamma, gae_lambda: discount and lambda, per decision.
     Source: Schulman et al. 2016, "High-Dimensional Continuous Control Using Generalized Advantage
         Estimation", over each agent's own decisions.
     """
@@ -42,7 +42,7 @@ def decided(
         pending += rewards[step]
         now = acted[step]
         delta = pending + gamma * following - values[step]
-        advantage = delta + gamma * trace * carried
+        advantage = delta + gamma * gae_lambda * carried
         advantages[step][now] = advantage[now]
         valid[step] = now & known
         carried = np.where(now, np.where(known, advantage, 0.0), carried)

@@ -21,7 +21,7 @@ from gamekeeper.interface.joint_policy import Choices
 from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.slim import slim
 from gamekeeper.randomness.seeds import episode_seed
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.vector.vector_form import MASK
 
 
@@ -117,7 +117,7 @@ class MultiAgentEnv:
         require_policies(rest, others, self._contract)
         self.n_agents = len(self.agents)
         self.episode_limit = self._limit(time_limit)
-        self._policies = cast_of(others, opened.env, self._contract)
+        self._policies = joint_policy_of(others, opened.env, self._contract)
         self._seen = {a: LastSeen(self.env, self._contract, a) for a in self.agents}
         self._obs_size = max(one.length for one in self._seen.values())
         self._actions = max(one.actions for one in self._seen.values())

@@ -110,7 +110,7 @@ def chosen(evidence: Evidence, agents: Collection[str] | None) -> list[str]:
     return [name for name in known if not agents or name in agents]
 
 
-def traces_of(evidence: Evidence) -> Iterator[Episode]:
+def episodes_of(evidence: Evidence) -> Iterator[Episode]:
     """Yields the episodes in their order; headers become plain data a few at a time."""
     for batch in evidence.episode_table.to_batches(max_chunksize=HEADERS):
         for header in batch.to_pylist():
@@ -287,9 +287,9 @@ class AgentRows:
         return LeafValues(leaves, described, valid)
 
 
-def agents_of(trace: Episode, only: Collection[str] | None = None) -> Iterator[AgentRows]:
+def agents_of(episode: Episode, only: Collection[str] | None = None) -> Iterator[AgentRows]:
     """Yields the rows of each agent of an episode, in the order in which the agents first come."""
-    return rows_of(trace.steps, trace.spaces, only, episode=trace.episode)
+    return rows_of(episode.steps, episode.spaces, only, episode=episode.episode)
 
 
 def rows_of(

@@ -18,7 +18,7 @@ from gamekeeper.interface.joint_policy import Choices, JointPolicy
 from gamekeeper.interface.legality import forbidden
 from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.slim import slim
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.vector.vector_factory import make
 
 FIX_OF_MASKED: Final = (
@@ -63,7 +63,7 @@ def single_agent(
         declared = declared_contract(None, opened)
         require_policies([other for other in agents if other != agent], others, declared)
         mask = reader(None if declared is None else declared.mask_of(agent))
-        return AgentEnv(opened, agent, cast_of(others, opened.env, declared), mask)
+        return AgentEnv(opened, agent, joint_policy_of(others, opened.env, declared), mask)
     except BaseException:
         opened.env.close()
         raise

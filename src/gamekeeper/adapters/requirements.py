@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.adapters.alike import alike
+from gamekeeper.adapters.shared_observations import alike
 from gamekeeper.auditing.audit_process import audit
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import to_json
@@ -23,7 +23,7 @@ from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy
 from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.policy import EVERYONE
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 PASSED: Final[dict[str, object]] = {}
 """Environments that passed the audit in this process, by identity as JSON.
@@ -84,8 +84,8 @@ def _warn_of_likeness(spec: object, env_kwargs: Mapping[str, Any] | None) -> Non
     opened = open_env(spec, **dict(env_kwargs or {}))
     try:
         contract = declared_contract(None, opened)
-        cast = cast_of("random", opened.env, contract)
-        found = alike(opened.env, cast, opened.api, lambda agent: role_of(contract, agent))
+        joint_policy = joint_policy_of("random", opened.env, contract)
+        found = alike(opened.env, joint_policy, opened.api, lambda agent: role_of(contract, agent))
     finally:
         opened.env.close()
     for agents, looks in found.values():
@@ -174,7 +174,7 @@ def policies_of_others(
         return []
     env = open_env(spec, **dict(env_kwargs or {})).env
     try:
-        return [cast_of(others, env, contract) for _ in range(num_envs)]
+        return [joint_policy_of(others, env, contract) for _ in range(num_envs)]
     finally:
         env.close()
 

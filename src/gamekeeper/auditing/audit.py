@@ -1,7 +1,5 @@
 """`gk.audit`: whether an environment keeps its contract, and what breaks it."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,7 +12,7 @@ from typing import Any, Final
 from gamekeeper.auditing.confirm import confirmed, confirming_workers
 from gamekeeper.auditing.gather import INTERRUPTED, TIME_UP, Gathering, gather, session_of
 from gamekeeper.auditing.judge import Judged, judge
-from gamekeeper.auditing.measured import PROBES, measured
+from gamekeeper.auditing.measured_form import PROBES, measured
 from gamekeeper.auditing.reproduce import Reproduction, draft_of
 from gamekeeper.auditing.result import AuditResult, spaces_text
 from gamekeeper.auditing.snippet import home

@@ -1,7 +1,5 @@
 """`gk.audit`: an environment that can be named runs in a process of its own."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +8,7 @@ from typing import Any, Final
 
 from gamekeeper.auditing.audit import BUDGET, QUICK, AuditAttempt, OnProbe, audit_here
 from gamekeeper.auditing.gather import INTERRUPTED
-from gamekeeper.auditing.recorded import audit_run, is_run
+from gamekeeper.auditing.recorded_evidence import audit_run, is_run
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.check import selected
 from gamekeeper.checks.verdict import Verdict
@@ -55,7 +53,7 @@ def audit(
     """Audits an environment against PettingZoo's contract, and its own where it has one.
 
     The folder of a run is judged as it was recorded, and nothing is played: see
-    `gamekeeper.auditing.recorded.audit_run`.
+    `gamekeeper.auditing.recorded_evidence.audit_run`.
 
     What is named by text runs in a process of its own, so that a crash or a hang is a finding; what
     is handed over as an object or a factory runs here. Verdicts repeat with the same seed and

@@ -1,4 +1,4 @@
-"""Branches of an episode: led to a step, one move replaced, played on by the moves on paper.
+"""Branches of an episode: led to a step, one move replaced, played on by the script.
 
 Values are compared by digests, without a capture, so that thousands of branches can be afforded.
 """
@@ -157,28 +157,28 @@ class EpisodeSteps:
 
 def branch(
     board: Board,
-    paper: EpisodeSteps,
+    script: EpisodeSteps,
     start: int,
     change: Mapping[Any, Any],
     ahead: int,
     fitting: Callable[[Any, Any, Any], Any],
 ) -> Iterator[tuple[int, BranchStep]]:
-    """Yields the steps from `start` on with actions replaced in the first, the others as on paper.
+    """Yields the steps from `start` on with actions replaced in the first, the others scripted.
 
-    An action on paper that a mask forbids here gives way to a legal one. Steps of agents that have
-    ended are taken where they are due here, whatever stands on paper. The branch ends `ahead`
-    rounds after the start's, and where other agents have to act than on paper; then the last step
-    is one that wasn't taken.
+    A scripted action that a mask forbids here gives way to a legal one. Steps of agents that have
+    ended are taken where they are due here, whatever the script says. The branch ends `ahead`
+    rounds after the start's, and where other agents have to act than by the script; then the last
+    step is one that wasn't taken.
 
     Args:
         board: it stands before `start`, and is moved on.
-        change: actions in place of those on paper, in the first step.
+        change: actions in place of scripted ones, in the first step.
         fitting: of an agent, its mask and an action: that action where it is legal, else another.
     """
-    last = paper.rounds[start] + ahead
-    for place in range(start, len(paper.steps)):
-        written = paper.steps[place]
-        if paper.rounds[place] > last or board.is_over or written.actions is None:
+    last = script.rounds[start] + ahead
+    for place in range(start, len(script.steps)):
+        written = script.steps[place]
+        if script.rounds[place] > last or board.is_over or written.actions is None:
             return
         if not written.given and board.given:
             continue

@@ -1,7 +1,5 @@
 """Two audits side by side: what changed in the game between two versions. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass

@@ -1,7 +1,5 @@
 """Findings confirmed: their reproducers run in fresh processes before they are given out."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -1,18 +1,16 @@
 """Gathering: the probes at work within a budget of environment steps."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from gamekeeper.auditing.bulk import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
+from gamekeeper.auditing.evidence_memory import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
 from gamekeeper.auditing.holds import ClassState, still_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
-from gamekeeper.checks.paired_plays import differs_by_itself
+from gamekeeper.checks.paired_episodes import differs_by_itself
 from gamekeeper.checks.probe_evidence import (
     Fact,
     ProbeCounterfactual,
@@ -216,7 +214,7 @@ def _is_shared(gathering: Gathering) -> bool:
     with held():
         one, two = (session.play(play, state=False) for _ in range(2))
     session.close()
-    return session.divergence(one.trace, two.trace) is None
+    return session.divergence(one.episode, two.episode) is None
 
 
 def _steps_until(session: ProbeSession, until_s: float) -> int:
@@ -236,8 +234,8 @@ def _check_measured(gathering: Gathering) -> None:
         ContractError: a condition asks for what nothing measures.
     """
     contract = gathering.session.contract
-    traces = [trace for look in gathering.looks[ROLLOUT] for trace in look.traces]
-    ended = next((trace for trace in traces if trace.header.get("end") == "ended"), None)
+    episodes = [episode for look in gathering.looks[ROLLOUT] for episode in look.episodes]
+    ended = next((episode for episode in episodes if episode.header.get("end") == "ended"), None)
     if ended is not None and contract.failure:
         check_measured(outcome_of(ended), contract.failure, contract)
 
@@ -255,7 +253,7 @@ def look_once(session: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRu
         finally:
             session.close()
     return ProbeRun(
-        traces=tuple(each for each in saw if not isinstance(each, Fact | ProbeCounterfactual)),
+        episodes=tuple(each for each in saw if not isinstance(each, Fact | ProbeCounterfactual)),
         counterfactuals=tuple(
             slimmed(each) for each in saw if isinstance(each, ProbeCounterfactual)
         ),

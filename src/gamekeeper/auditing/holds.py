@@ -4,8 +4,6 @@ Each function takes the `make` of a reproducer and returns one that builds the s
 one cause held still. Its source stands at the head of the program, so it names nothing of ours.
 """
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import gc

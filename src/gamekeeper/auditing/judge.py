@@ -1,7 +1,5 @@
 """Judging: checks over what was gathered, and verdicts from their cases. Pure."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ any that was seen. Where nothing can be learned, agents of equal action spaces d
 while.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache

@@ -1,7 +1,5 @@
 """Outcomes of a tick of a Parallel environment, compared by value and as numbers."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,10 +1,8 @@
 """Probes and their decorator: a probe is a schedule of plays, and a function that looks at one.
 
-`look` is asked again with shorter plays (their actions on paper) to find the shortest way to see
+`look` is asked again with shorter plays (of scripted actions) to find the shortest way to see
 something again, so it may depend on nothing but its play.
 """
-
-from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Iterator

@@ -34,7 +34,7 @@ from gamekeeper.rollouts.episode_loop import (
 from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.process_randomness import held
 from gamekeeper.rollouts.warm_worker import WarmWorker
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 Saw: TypeAlias = Fact[Any] | ProbeCounterfactual | Episode
 
@@ -197,7 +197,7 @@ class ProbeSession:
         hold: bool = True,
         steer: Steering | None = None,
     ) -> EpisodeResult:
-        """Plays in `env` (a fresh instance if None), with random legal actions or those on paper.
+        """Plays in `env` (a fresh instance if None), with random legal actions or scripted ones.
 
         The generators of the whole process start from one seed unless `hold` is False, so that who
         draws from them makes no difference between a play, its unchanged rerun and its
@@ -211,26 +211,26 @@ class ProbeSession:
             self.class_state.restore()
         env = self.env() if env is None else env
         self.meter.count(RESET_STEPS)
-        cast: ActionChooser | None = None
+        joint_policy: ActionChooser | None = None
         if play.actions is None:
-            cast = cast_of(_random(), env, self.contract)
-            cast = cast if steer is None else steer(cast, env)
+            joint_policy = joint_policy_of(_random(), env, self.contract)
+            joint_policy = joint_policy if steer is None else steer(joint_policy, env)
         with held() if hold else nullcontext():
             played = perform(
                 play,
                 env,
-                cast=cast,
-                cast_seed=self.seed,
+                joint_policy=joint_policy,
+                policy_seed=self.seed,
                 change=change,
                 contract=self.contract,
                 keep=EvidenceOptions(label=self.probe, number=self.number, state=state),
                 watch=watch,
                 on_step=self.meter.count,
             )
-        self.meter.has_played = self.meter.has_played or len(played.trace.turns) > 1
+        self.meter.has_played = self.meter.has_played or len(played.episode.turns) > 1
         self.meter.has_seen = self.meter.has_seen or any(
             turn.rewards or (place and turn.observations)
-            for place, turn in enumerate(played.trace.turns)
+            for place, turn in enumerate(played.episode.turns)
         )
         if self.base is None:
             self.base = played.play
@@ -246,7 +246,7 @@ class ProbeSession:
     ) -> ProbeCounterfactual:
         """The base's actions played again with one change, beside its unchanged rerun."""
         changed = self.play(base.play, env, change=change, **options)
-        return self.beside(base.trace, unchanged_rerun.trace, changed.trace, change.to_json())
+        return self.beside(base.episode, unchanged_rerun.episode, changed.episode, change.to_json())
 
     def beside(
         self, base: Episode, unchanged_rerun: Episode, changed: Episode, change: Mapping[str, Any]
@@ -309,7 +309,7 @@ class ProbeSession:
         """The actions of a turn as `step` takes them: in an AEC environment the only one."""
         return actions if self.api == "parallel" else next(iter(actions.values()), None)
 
-    def paper(self, play: EpisodePlan, actions: list[Mapping[Any, Any]]) -> None:
+    def script(self, play: EpisodePlan, actions: list[Mapping[Any, Any]]) -> None:
         """Notes what was played, where a probe has a loop of its own."""
         if self.base is None:
             self.base = replace(play, actions=tuple(actions), most_turns=max(len(actions), 1))

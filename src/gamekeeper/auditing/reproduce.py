@@ -1,7 +1,5 @@
 """From a broken case to a finding: shrunk, and with the program that shows it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

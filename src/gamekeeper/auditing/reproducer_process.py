@@ -1,7 +1,5 @@
 """A reproducer in a process of its own; loads nothing, as a stranger's process wouldn't either."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Snippets: the shortest way to see a finding again, as a Python program that raises meanwhile."""
 
-from __future__ import annotations
-
 import keyword
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -72,7 +70,7 @@ def snippet(
     Args:
         where: how to get the environment.
         api: `aec` or `parallel`.
-        play: its actions are on paper.
+        play: its actions are scripted.
         proof: the last lines; None: they only print.
         title: the check, in one line.
         shows: the expected and the actual value, for a comment.

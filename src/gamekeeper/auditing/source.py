@@ -1,7 +1,5 @@
 """Source of an environment's rules: the class, its file and its line."""
 
-from __future__ import annotations
-
 import inspect
 import sys
 import sysconfig

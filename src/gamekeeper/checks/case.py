@@ -1,7 +1,5 @@
 """Cases: the places where a check looks at a promise, good or bad, and proofs of the bad ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias

@@ -1,7 +1,5 @@
 """Checks and their decorator: a check is a pure function with an id."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable

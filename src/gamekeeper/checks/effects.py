@@ -1,7 +1,5 @@
 """Effects of one replaced action: on which agent, in what, how much later."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
@@ -46,7 +44,7 @@ def effects(counterfactual: ProbeCounterfactual) -> Iterator[ActionEffect]:
     later = int(counterfactual.change["later"])
     end = _last_equal(counterfactual)
     base = by_turn(counterfactual.base, start, end)
-    changed = by_turn(counterfactual.trace, start, end)
+    changed = by_turn(counterfactual.episode, start, end)
     names = sorted({name for turn in base.values() for name in turn.agents})
     for turn in sorted(base.keys() & changed.keys()):
         one, two = base[turn], changed[turn]
@@ -77,11 +75,11 @@ def later_looks(counterfactual: ProbeCounterfactual) -> Iterator[tuple[tuple[int
             yield (turn, effect.target), effect.is_changed
 
 
-def by_turn(trace: Episode, start: int, end: int | None = None) -> dict[int, Turn]:
+def by_turn(episode: Episode, start: int, end: int | None = None) -> dict[int, Turn]:
     """The turns from `start` on, by number; those before `end`."""
     return {
         turn.index: turn
-        for turn in trace.turns
+        for turn in episode.turns
         if turn.index >= start and (end is None or turn.index < end)
     }
 

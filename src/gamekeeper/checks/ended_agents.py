@@ -1,12 +1,10 @@
 """Agents that have ended, rosters and ticks of a play, turn by turn."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any, Final
 
-from gamekeeper.checks.facts.play_facts import TurnRosters
+from gamekeeper.checks.facts.episode_facts import TurnRosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
@@ -41,11 +39,11 @@ def plays_with_rosters(evidence: ProbeEvidence) -> Iterator[tuple[Episode, list[
     """Each play of the rollouts, with the roster at the start of each of its turns."""
     for look in evidence.looks.get("rollout", ()):
         rosters = look.fact(TurnRosters)
-        if look.traces and rosters is not None:
-            yield look.traces[0], rosters.value.turns
+        if look.episodes and rosters is not None:
+            yield look.episodes[0], rosters.value.turns
 
 
-def ticks_before(trace: Episode, api: str) -> Iterator[tuple[Turn, int]]:
+def ticks_before(episode: Episode, api: str) -> Iterator[tuple[Turn, int]]:
     """Each turn with the ticks that were over at its start.
 
     Parallel: a tick is a step. AEC: a tick is over when nobody has more turns of its own in it, so
@@ -53,7 +51,7 @@ def ticks_before(trace: Episode, api: str) -> Iterator[tuple[Turn, int]]:
     """
     acted: Counter[str] = Counter()
     most = 0
-    for turn in trace.turns:
+    for turn in episode.turns:
         yield turn, turn.index if api == "parallel" else most
         ended = ended_in(turn)
         for agent in turn.order:

@@ -1,7 +1,5 @@
 """Values as Python that a reader can paste; numbers plain where a space takes them so."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Evidence of an audit: facts, episodes and counterfactuals by probe, for checks to read."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
@@ -45,14 +43,14 @@ class ProbeCounterfactual:
         base: the play as it was.
         unchanged_rerun: the same once more with nothing changed; what differs here is nobody's
             doing.
-        trace: the play with the change.
+        episode: the play with the change.
         change: what was changed, as plain data, its kind under `change`.
         volatile: fields of infos that may differ between equal plays.
     """
 
     base: Episode
     unchanged_rerun: Episode
-    trace: Episode
+    episode: Episode
     change: Mapping[str, Any]
     volatile: tuple[str, ...] = ()
     _cache: dict[str, Comparison] = field(default_factory=dict, repr=False, compare=False)
@@ -65,7 +63,7 @@ class ProbeCounterfactual:
     @property
     def divergence(self) -> Divergence | None:
         """First divergence of the changed rerun from its base."""
-        return self._compared("counterfactual", self.trace)
+        return self._compared("counterfactual", self.episode)
 
     def _compared(self, name: str, other: Episode) -> Divergence | None:
         if name not in self._cache:
@@ -77,7 +75,7 @@ class ProbeCounterfactual:
 class ProbeRun:
     """Result of one rerun by a probe."""
 
-    traces: tuple[Episode, ...] = ()
+    episodes: tuple[Episode, ...] = ()
     counterfactuals: tuple[ProbeCounterfactual, ...] = ()
     facts: tuple[Fact[Any], ...] = ()
 
@@ -108,8 +106,8 @@ class ProbeEvidence:
     )
 
     def __getitem__(self, probe: str) -> tuple[Episode, ...]:
-        """The traces of a probe; none where it didn't run."""
-        return tuple(trace for look in self.looks.get(probe, ()) for trace in look.traces)
+        """The episodes of a probe; none where it didn't run."""
+        return tuple(episode for look in self.looks.get(probe, ()) for episode in look.episodes)
 
     def counterfactuals(self, probe: str) -> Iterator[ProbeCounterfactual]:
         """The counterfactuals of a probe."""

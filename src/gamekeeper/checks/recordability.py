@@ -1,13 +1,11 @@
 """Checks of evidence: it replays, and agents have names."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
-from gamekeeper.checks.facts.play_facts import AgentNames, UnwrittenActions
-from gamekeeper.checks.paired_plays import counterfactual_cases
+from gamekeeper.checks.facts.episode_facts import AgentNames, UnwrittenActions
+from gamekeeper.checks.paired_episodes import counterfactual_cases
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 

@@ -1,7 +1,5 @@
 """Reproducers from functions: their source, with what they call, and a call of them."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 from collections.abc import Callable, Iterator, Mapping

@@ -4,8 +4,6 @@ None of them may name anything of ours but one another. `make` builds an environ
 `actions` are an episode; in an AEC environment an action is one agent's.
 """
 
-from __future__ import annotations
-
 import copy
 import pickle
 import sys

@@ -1,7 +1,5 @@
 """Rounds of a play: its ticks, and whether turns come in a fixed or rotating order."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final
@@ -13,13 +11,13 @@ ROTATING: Final = "rotating"
 OTHER: Final = "other"
 
 
-def ticks(trace: Episode) -> list[range]:
+def ticks(episode: Episode) -> list[range]:
     """The turns of a play by ticks: one ends before somebody acts a second time in it.
 
     The None step of an agent that had ended belongs to the tick before it.
     """
     starts, acted, last = [0], set[str](), -1
-    for turn in trace.turns:
+    for turn in episode.turns:
         if not acted.isdisjoint(movers(turn)):
             starts.append(turn.index)
             acted = set()
@@ -33,10 +31,10 @@ def movers(turn: Turn) -> tuple[str, ...]:
     return tuple(agent for agent in turn.order if turn.actions.get(agent) is not None)
 
 
-def orders(trace: Episode) -> list[tuple[str, ...]]:
+def orders(episode: Episode) -> list[tuple[str, ...]]:
     """Order of the agents that acted in each tick; the last tick may be cut short."""
-    acted = {turn.index: movers(turn) for turn in trace.turns}
-    rounds = [tuple(n for k in tick for n in acted.get(k, ())) for tick in ticks(trace)]
+    acted = {turn.index: movers(turn) for turn in episode.turns}
+    rounds = [tuple(n for k in tick for n in acted.get(k, ())) for tick in ticks(episode)]
     return [each for each in rounds if each]
 
 

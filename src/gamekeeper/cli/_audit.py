@@ -238,7 +238,7 @@ def show_failed_rows(
     screen: Screen, evidence: Evidence, *, known: Collection[str] = ()
 ) -> list[dict[str, Any]]:
     """Shows the rules that the rows of a run break, but for `known` ids; returns their verdicts."""
-    from gamekeeper.auditing.recorded import failed_rows
+    from gamekeeper.auditing.recorded_evidence import failed_rows
     from gamekeeper.reporting.audit_text import rows_text
 
     verdicts = [each.to_json() for each in failed_rows(evidence) if each.id not in known]
@@ -251,7 +251,7 @@ def show_failed_rows(
 
 def show_illegal_actions_of(screen: Screen, spec: str) -> None:
     """Shows them of a recorded run; of an environment there are none."""
-    from gamekeeper.auditing.recorded import is_run
+    from gamekeeper.auditing.recorded_evidence import is_run
     from gamekeeper.runs.load_run import load
 
     if is_run(spec):
@@ -260,7 +260,7 @@ def show_illegal_actions_of(screen: Screen, spec: str) -> None:
 
 def show_illegal_actions(screen: Screen, evidence: Evidence) -> None:
     """Shows the actions that their mask forbids, or that are out of their space."""
-    from gamekeeper.auditing.recorded import masked_actions, outside_actions
+    from gamekeeper.auditing.recorded_evidence import masked_actions, outside_actions
     from gamekeeper.reporting.audit_text import masked_text, outside_text
 
     for text in (

@@ -144,7 +144,7 @@ def _text(document: dict[str, Any], width: int, run: Path, folder: Path | None) 
 
 def outside_space(run: Path, width: int) -> str:
     """Recorded actions that are NaN or out of their space, by agent; empty where there are none."""
-    from gamekeeper.auditing.recorded import outside_actions
+    from gamekeeper.auditing.recorded_evidence import outside_actions
     from gamekeeper.reporting.audit_text import outside_text
     from gamekeeper.runs.load_run import load
 

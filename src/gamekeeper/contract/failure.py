@@ -1,7 +1,5 @@
 """Conditions under which a rollout counts as failed, as `deliveries < 3 and return <= 0`."""
 
-from __future__ import annotations
-
 import operator
 import re
 from collections.abc import Callable, Mapping

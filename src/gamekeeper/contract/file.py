@@ -1,7 +1,5 @@
 """Contract files: the one place where the package of contracts touches a disk."""
 
-from __future__ import annotations
-
 from difflib import get_close_matches
 from os import PathLike, fspath
 from pathlib import Path

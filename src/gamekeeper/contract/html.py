@@ -1,7 +1,5 @@
 """A contract as HTML for notebooks: a table for each of its sections."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from html import escape
 from typing import Final

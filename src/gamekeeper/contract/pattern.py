@@ -1,7 +1,5 @@
 """Patterns of agent names: `picker_*`, `arm_?`, `robot_[ab]`, as `fnmatch` reads them."""
 
-from __future__ import annotations
-
 import re
 from fnmatch import fnmatchcase
 from typing import Final

@@ -1,7 +1,5 @@
 """Reading a contract's sections from plain data: every key known, every section its class."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Final

@@ -1,7 +1,5 @@
 """The scene of a contract: how a picture of a turn is drawn from what was recorded, as data."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

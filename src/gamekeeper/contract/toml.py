@@ -1,7 +1,5 @@
 """Contracts as TOML: the lines of its keys on the way in, its usual layout on the way out."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The answer for one agent, from the finding of the condition that it is judged by."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
@@ -16,8 +14,8 @@ from gamekeeper.diagnosis.judgement import (
     is_any_exchange,
     is_any_scale,
 )
+from gamekeeper.diagnosis.open_setup import SetupTraits
 from gamekeeper.diagnosis.perturbations import PerturbationArm
-from gamekeeper.diagnosis.played_setup import SetupTraits
 from gamekeeper.diagnosis.trials import (
     CARRIED,
     CUT_OFF,

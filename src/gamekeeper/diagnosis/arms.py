@@ -4,8 +4,6 @@ An outcome is keyed by arm, run seed and episode, never by who played it, and is
 comes: an experiment that was stopped goes on where it was.
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,8 +14,8 @@ from threading import Lock
 from typing import Any, Final, Self, TypeVar
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.open_setup import OpenSetup, Setup
 from gamekeeper.diagnosis.plain_data import PlainData
-from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import ActionError, EnvError, PolicyError, RunError, SpecError
 from gamekeeper.interface.packing import type_name_of
@@ -261,13 +259,13 @@ class ArmRunner:
         done = 0
         for order, episodes in wanted:
             try:
-                stage = OpenSetup(order.setup, self.contract)
+                open_setup = OpenSetup(order.setup, self.contract)
             except SpecError as error:
                 self.broken[order.arm] = str(error.what)
                 continue
-            with stage:
+            with open_setup:
                 for episode in episodes:
-                    outcome = stage.outcome(order.run_seed, episode)
+                    outcome = open_setup.outcome(order.run_seed, episode)
                     self._take((order.arm, order.run_seed, episode), outcome)
                     done += 1
                     self._say(episode=done, episodes=total)
@@ -349,9 +347,9 @@ def arms_task(
 
     found: list[dict[str, Any]] = []
     try:
-        with kept_open(json.dumps([setup, contract], sort_keys=True), make) as stage:
+        with kept_open(json.dumps([setup, contract], sort_keys=True), make) as open_setup:
             for episode in order["episodes"]:
-                outcome = stage.outcome(order["run_seed"], episode, on_step=report)
+                outcome = open_setup.outcome(order["run_seed"], episode, on_step=report)
                 found.append(
                     {
                         "arm": order["arm"],

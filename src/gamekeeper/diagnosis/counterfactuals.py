@@ -1,7 +1,5 @@
 """Counterfactuals of recorded episodes: compared, kept as evidence, and saved as a pytest case."""
 
-from __future__ import annotations
-
 import pprint
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +13,7 @@ import numpy as np
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis
-from gamekeeper.diagnosis.played_setup import OpenSetup, Setup, recorder_of
+from gamekeeper.diagnosis.open_setup import OpenSetup, Setup, recorder_of
 from gamekeeper.diagnosis.trials import IdealSubstitute
 from gamekeeper.episodes.canonical.opaque import shown
 from gamekeeper.episodes.divergence import Divergence, compare
@@ -63,10 +61,10 @@ def counterfactuals(
     if run_seed is None or not substitutes or most < 1:
         return
     failing = [
-        trace.episode
-        for trace in evidence.episodes
-        if trace.seed == episode_seed(run_seed, trace.episode)
-        and failed(outcome_of(trace), conditions, contract).get(scope)
+        episode.episode
+        for episode in evidence.episodes
+        if episode.seed == episode_seed(run_seed, episode.episode)
+        and failed(outcome_of(episode), conditions, contract).get(scope)
     ][:most]
     volatile = contract.volatile_infos()
     with OpenSetup(setup, contract) as base:
@@ -75,17 +73,17 @@ def counterfactuals(
         with OpenSetup(substitute.applied(setup), contract) as counterfactual:
             for episode, played in bases.items():
                 ideal = counterfactual.played(run_seed, episode)
-                other = ideal.trace
-                paper = tuple(  # of which only those whom it concerns choose otherwise
+                other = ideal.episode
+                script = tuple(  # of which only those whom it concerns choose otherwise
                     {agent_name(a): act for a, act in turn.items()}
                     for turn in played.play.actions or ()
                 )
-                others = Reenacted(free=_concerned(substitute), paper=paper)
-                open_ = counterfactual.played(run_seed, episode, change=others).trace
-                found = compare(played.trace, other, volatile=volatile).divergence
+                others = Reenacted(free=_concerned(substitute), script=script)
+                open_ = counterfactual.played(run_seed, episode, change=others).episode
+                found = compare(played.episode, other, volatile=volatile).divergence
                 fails = [
-                    failed(outcome_of(trace), conditions, contract)
-                    for trace in (played.trace, other, open_)
+                    failed(outcome_of(episode), conditions, contract)
+                    for episode in (played.episode, other, open_)
                 ]
                 place = _place(found, played, ideal, _concerned(substitute))
                 yield Counterfactual(
@@ -169,15 +167,15 @@ def keep(
     actions, which replay.
     """
     with (
-        OpenSetup(setup, contract) as stage,
-        closing(recorder_of(stage.opened, folder, contract, run_seed=run_seed)) as sink,
+        OpenSetup(setup, contract) as open_setup,
+        closing(recorder_of(open_setup.opened, folder, contract, run_seed=run_seed)) as sink,
     ):
-        capture = capture_of(stage.env, sink=sink)
-        capture.policies = stage.described
+        capture = capture_of(open_setup.env, sink=sink)
+        capture.policies = open_setup.described
         for episode in range(episodes):
             options = setup.options[episode % len(setup.options)]
             given: dict[str, Any] = {"options": options, "most_turns": setup.most_turns}
-            play(capture, stage.cast, [episode], seed=run_seed, **given)
+            play(capture, open_setup.joint_policy, [episode], seed=run_seed, **given)
     return str(folder)
 
 
@@ -206,7 +204,8 @@ def failing(arm: str) -> int:
     """Number of episodes of an arm that fail."""
     evidence = gk.rollout(episodes=EPISODES, seed=SEED, **ARMS[arm])
     conditions = failures(evidence.contract, CONDITION)
-    told = [failed(outcome_of(trace), conditions, evidence.contract) for trace in evidence.episodes]
+    outcomes = map(outcome_of, evidence.episodes)
+    told = [failed(each, conditions, evidence.contract) for each in outcomes]
     return sum(each[SCOPE] for each in told)
 
 
@@ -280,7 +279,7 @@ def _arguments(evidence: Evidence) -> dict[str, Any]:
 def _failing(evidence: Evidence, condition: str | None, scope: str) -> int:
     conditions = failures(evidence.contract, condition)
     contract = evidence.contract
-    told = [failed(outcome_of(trace), conditions, contract) for trace in evidence.episodes]
+    told = [failed(outcome_of(episode), conditions, contract) for episode in evidence.episodes]
     return sum(each.get(scope, False) for each in told)
 
 

@@ -1,7 +1,5 @@
 """Cut-offs: the turn at which recorded episodes were truncated, and the argument that says so."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 

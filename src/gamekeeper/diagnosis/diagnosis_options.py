@@ -1,7 +1,5 @@
 """Settings of a diagnosis, as `gk.diagnose` takes them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from os import PathLike

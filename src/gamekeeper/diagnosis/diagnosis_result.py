@@ -1,7 +1,5 @@
 """Result of a diagnosis, agent by agent."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape

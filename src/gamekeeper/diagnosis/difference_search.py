@@ -4,8 +4,6 @@ Differences are swapped into the bad set-up one at a time, then delta debugging 
 set that explains the gap; what it found is confirmed on fresh seeds that took no part.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner, RaisedPolicy, raised_in
 from gamekeeper.diagnosis.diagnosis_result import Tested
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.diagnosis.setup_differences import SetupDifference, names_of, taken_over
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import GamekeeperError

@@ -4,8 +4,6 @@ Every episode that it plays counts against its budget. An arm is played with all
 at all, as fewer would say less than the answer claims; what was left out is in `not_played`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -21,8 +19,8 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import MOST, ArmOrder, ArmRunner, RaisedPolicy, raised_in
 from gamekeeper.diagnosis.difference_search import least_set
 from gamekeeper.diagnosis.judgement import ScopeFinding, cut_early, is_failing, judged, recovered
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.diagnosis.perturbations import PerturbationArm
-from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import (
     COMPONENTS,
     CUT_OFF,

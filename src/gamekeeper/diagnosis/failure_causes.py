@@ -1,7 +1,5 @@
 """The front of diagnosis: a recorded run in, an answer for every agent out."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -29,8 +27,7 @@ from gamekeeper.diagnosis.judgement import (
     ScopeFinding,
     contradictions,
 )
-from gamekeeper.diagnosis.perturbations import PerturbationArm, perturbations_of
-from gamekeeper.diagnosis.played_setup import (
+from gamekeeper.diagnosis.open_setup import (
     OpenSetup,
     SetupTraits,
     check_last,
@@ -41,6 +38,7 @@ from gamekeeper.diagnosis.played_setup import (
     setup_of,
     traits_of,
 )
+from gamekeeper.diagnosis.perturbations import PerturbationArm, perturbations_of
 from gamekeeper.diagnosis.trials import renewals_of, substitutes_of
 from gamekeeper.diagnosis.undo_search import try_undos
 from gamekeeper.episodes.evidence import Evidence
@@ -158,11 +156,11 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     tried, allow = list((options.replace or {}).values()), options.allow_import
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow, tried=tried):
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
-        with OpenSetup(setup, declared) as stage:
+        with OpenSetup(setup, declared) as open_setup:
             if env is None:
-                check_last(evidence, stage.opened)
-            seen, played = traits_of(stage, kinds), stage.identity
-            cuts = cuts_of(lost, stage.env, setup.kwargs, len(seen.agents))
+                check_last(evidence, open_setup.opened)
+            seen, played = traits_of(open_setup, kinds), open_setup.identity
+            cuts = cuts_of(lost, open_setup.env, setup.kwargs, len(seen.agents))
             seen = dataclasses.replace(seen, cuts=cuts)
         head = {"run": evidence.fingerprint, "most_turns": setup.most_turns, **played}
         runner = options.runner(declared, head, longest_of(evidence), least=LEAST)

@@ -1,7 +1,5 @@
 """A run that fails beside one that worked: the least set of differences that explains the gap."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from os import PathLike
@@ -14,7 +12,7 @@ from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Diagnosis, Run
 from gamekeeper.diagnosis.difference_search import CONFIRM, Chosen, DifferenceSearch
 from gamekeeper.diagnosis.experiment import fresh_seed
 from gamekeeper.diagnosis.judgement import Answer
-from gamekeeper.diagnosis.played_setup import consent_to, contract_of, longest_of, setup_of
+from gamekeeper.diagnosis.open_setup import consent_to, contract_of, longest_of, setup_of
 from gamekeeper.diagnosis.setup_differences import (
     SetupDifference,
     differences_of,

@@ -1,7 +1,5 @@
 """Answers from outcomes: the ideal substitutes that restore, and shares that contradict. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal

@@ -4,8 +4,6 @@ A label says what a failure is called; why an episode ended is said by the rules
 reason). They are added to a run's annotations, never changed, and no fingerprint covers them.
 """
 
-from __future__ import annotations
-
 import getpass
 from dataclasses import dataclass
 from datetime import UTC, datetime

@@ -5,8 +5,6 @@ another agent's observation that then follows those actions carries a message, a
 them late or in part shows that messages are late, lost or changed on their way.
 """
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
+from gamekeeper.diagnosis.open_setup import OpenSetup, Setup
 from gamekeeper.diagnosis.undos import BoundaryUndo
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
@@ -78,14 +76,15 @@ def channels_of(
         return ()
     found: list[MessageChannel] = []
     for source in agents:
-        with OpenSetup(setup.with_policy(source, "random"), contract) as stage:
-            axes = acted_fields(space) if (space := action_space(stage.env, source)) else ()
+        with OpenSetup(setup.with_policy(source, "random"), contract) as open_setup:
+            axes = acted_fields(space) if (space := action_space(open_setup.env, source)) else ()
             listeners = {
                 agent: observed_fields(contract, agent, seen)
                 for agent in agents
-                if agent != source and (seen := observation_space(stage.env, agent)) is not None
+                if agent != source
+                and (seen := observation_space(open_setup.env, agent)) is not None
             }
-            played = [stage.played(seed, episode).trace for episode in range(PROBED)]
+            played = [open_setup.played(seed, episode).episode for episode in range(PROBED)]
         for to, fields in listeners.items():
             if axes and 0 < len(fields) <= MOST_FIELDS:
                 found += channels_between(played, source, to, axes, fields)

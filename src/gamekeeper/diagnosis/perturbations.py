@@ -1,13 +1,11 @@
 """Perturbations of a diagnosis: one thing made worse, which shows dependence and never a cause."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, cast
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
+from gamekeeper.diagnosis.open_setup import Setup, SetupTraits
 from gamekeeper.diagnosis.trials import EVALUATION, EVERYBODY, PLANNING
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.rollouts.intervention import Intervention

@@ -1,7 +1,5 @@
 """Result of looking for pivots: the turns from which the success of failed episodes was lost."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, Self, TypeAlias

@@ -26,7 +26,7 @@ from gamekeeper.interface.joint_policy import JointPolicy
 from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.continuations import Continuations
 from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.statistics.significance import fisher_exact, holm, wilson
 
 SPANS: Final = 8
@@ -205,7 +205,7 @@ class PivotSearch:
         if self.play.is_spent:
             self._miss(f"other actions at turn {turn}")
             return pivot
-        recorded = self.play.course.actions[turn]
+        recorded = self.play.base.actions[turn]
         screened: dict[str, list[tuple[int, int, ActionOption]]] = {}
         for place, option in enumerate(self._options(turn)):
             hits, n = self._tried(turn, option, place, range(FEW), recorded)
@@ -272,7 +272,7 @@ class PivotSearch:
             if self.play.is_spent:
                 self._miss(f"turns 0 to {turn}")
                 return ()
-            recorded = self.play.course.actions[turn]
+            recorded = self.play.base.actions[turn]
             tried = []
             for place, option in enumerate(self._options(turn)):
                 if option.source == DRAWN:
@@ -362,12 +362,12 @@ def options_at(
         reference: the environment's own reference policy, if it has one.
         seed: of samples.
     """
-    recorded, inputs = play.course.actions[turn], play.inputs(turn)
+    recorded, inputs = play.base.actions[turn], play.inputs(turn)
     for place, (agent, action) in enumerate(recorded.items()):
         if action is None or agent not in inputs:  # an ended agent's
             continue
         yield ActionOption(agent, DRAWN)
-        offer = offer_of(play.course.contract, play.course.env, agent)
+        offer = offer_of(play.base.contract, play.base.env, agent)
         rng = np.random.default_rng([13, seed, turn, place])
         if offer is not None:
             offer.take(*inputs[agent])
@@ -383,7 +383,7 @@ def reference_of(env: Any, contract: Contract) -> JointPolicy | None:
     own = getattr(env.unwrapped, "policies", None)
     if not isinstance(own, Mapping) or REFERENCE not in own:
         return None
-    return cast_of(REFERENCE, env, contract)
+    return joint_policy_of(REFERENCE, env, contract)
 
 
 def _others(

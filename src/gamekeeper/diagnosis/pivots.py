@@ -1,24 +1,22 @@
 """The front of pivots: a recorded run in, the turns that lost its failed episodes out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.arms import SILENCE_S, play_shares
-from gamekeeper.diagnosis.pivot_result import EpisodePivots, Pivots
-from gamekeeper.diagnosis.pivot_search import PivotSearch, reference_of
-from gamekeeper.diagnosis.played_setup import (
+from gamekeeper.diagnosis.open_setup import (
     OpenSetup,
     Setup,
     consent_to,
     contract_of,
-    course_of,
     other_policies,
+    recorded_episode_of,
     setup_of,
 )
+from gamekeeper.diagnosis.pivot_result import EpisodePivots, Pivots
+from gamekeeper.diagnosis.pivot_search import PivotSearch, reference_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome_of
 from gamekeeper.errors import EvidenceError
@@ -83,11 +81,10 @@ def pivots(
     ):
         wanted = [(number, scopes[number]) for number in chosen]
         if isinstance(workers, int) and workers == 0:
-            with OpenSetup(setup, declared) as stage:
+            with OpenSetup(setup, declared) as open_setup:
+                search = partial(_searched, evidence, open_setup, budget=share, seed=seed)
                 for number, scope in wanted:
-                    found.append(
-                        _searched(evidence, stage, number, scope, failed, budget=share, seed=seed)
-                    )
+                    found.append(search(number, scope, failed))
         else:
             common = {
                 "run": str(evidence.path),
@@ -142,10 +139,10 @@ def episode_task(
 ) -> dict[str, Any]:
     """Looks for the pivots of one episode, in a worker process."""
     declared = Contract.from_json(contract)
-    with OpenSetup(Setup.from_json(setup), declared) as stage:
+    with OpenSetup(Setup.from_json(setup), declared) as open_setup:
         found = _searched(
             evidence_of(run),
-            stage,
+            open_setup,
             episode,
             scope,
             condition,
@@ -161,11 +158,11 @@ def _failed_scopes(
 ) -> dict[int, str]:
     """By number of a failed episode, whose condition it failed by; the team's before others."""
     found = {}
-    for trace in evidence.episodes:
-        by_scope = failed(outcome_of(trace), conditions, contract)
+    for episode in evidence.episodes:
+        by_scope = failed(outcome_of(episode), conditions, contract)
         mine = [name for name in sorted(by_scope, key=lambda name: name != TEAM) if by_scope[name]]
         if mine:
-            found[trace.episode] = mine[0]
+            found[episode.episode] = mine[0]
     return found
 
 
@@ -190,7 +187,7 @@ def _chosen(evidence: Evidence, scopes: Mapping[int, str], episode: int | None) 
 
 def _searched(
     evidence: Evidence,
-    stage: OpenSetup,
+    open_setup: OpenSetup,
     number: int,
     scope: str,
     condition: str | None,
@@ -200,13 +197,13 @@ def _searched(
     report: Callable[[], None] | None = None,
 ) -> EpisodePivots:
     """The pivots of one episode, once it has been replayed and is as it was recorded."""
-    contract = stage.contract
-    course = course_of(evidence, stage, number)
-    play = Continuations(course, budget=budget, on_step=report)
+    contract = open_setup.contract
+    episode = recorded_episode_of(evidence, open_setup, number)
+    play = Continuations(episode, budget=budget, on_step=report)
     conditions = failures(contract, condition)
 
     def is_success(outcome: Outcome) -> bool:
         return not failed(outcome, conditions, contract).get(scope, True)
 
-    reference = reference_of(stage.env, contract)
+    reference = reference_of(open_setup.env, contract)
     return PivotSearch(play, is_success, reference, number, scope, seed).run()

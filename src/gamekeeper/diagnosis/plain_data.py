@@ -1,7 +1,5 @@
 """Results as plain data: every field by its name, whatever it holds as JSON has it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any

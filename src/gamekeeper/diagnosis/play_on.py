@@ -4,8 +4,6 @@ On the recorded draws there is one future: a counterfactual, which can be record
 there are many; each is played twice from the same numbers, as it was and as changed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, replace
@@ -18,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.spaces import Discrete
 
+from gamekeeper.diagnosis.open_setup import Setup, consent_to, setup_of
 from gamekeeper.diagnosis.plain_data import frozen
-from gamekeeper.diagnosis.played_setup import Setup, consent_to, setup_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError, GamekeeperError
 from gamekeeper.interface.policy import shared_with

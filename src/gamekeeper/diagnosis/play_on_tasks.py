@@ -1,7 +1,5 @@
 """Tasks of playing on, in a worker process: both arms of futures, a recorded one, what may play."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict
@@ -10,9 +8,15 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.open_setup import (
+    OpenSetup,
+    Setup,
+    recorded_episode_of,
+    recorder_of,
+    traits_of,
+)
 from gamekeeper.diagnosis.plain_data import frozen
 from gamekeeper.diagnosis.play_on import BUDGET, BranchPoint
-from gamekeeper.diagnosis.played_setup import OpenSetup, Setup, course_of, recorder_of, traits_of
 from gamekeeper.episodes.agent_spec import as_action
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -20,7 +24,7 @@ from gamekeeper.episodes.outcome import Outcome, failed
 from gamekeeper.errors import ActionError, EvidenceError, GamekeeperError
 from gamekeeper.interface.action_mask import reader
 from gamekeeper.interface.legality import allows
-from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
+from gamekeeper.rollouts.continuations import Continuations, RecordedEpisode
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.replay_runner import ReplayRunner
 
@@ -52,13 +56,13 @@ def play_on_task(
     if kind == "record" and point.policy is not None:
         chosen = chosen.with_policy(point.agent, point.policy)
     try:
-        with OpenSetup(chosen, declared) as stage:
+        with OpenSetup(chosen, declared) as open_setup:
             if kind == "offers":
-                answer: dict[str, Any] = {"ways": list(traits_of(stage, {}).ways)}
+                answer: dict[str, Any] = {"ways": list(traits_of(open_setup, {}).ways)}
             elif kind == "futures":
-                answer = _futures(evidence, stage, point, report, **extra)
+                answer = _futures(evidence, open_setup, point, report, **extra)
             else:
-                answer = _recorded(evidence, stage, point, report, **extra)
+                answer = _recorded(evidence, open_setup, point, report, **extra)
     except GamekeeperError as error:
         return {"error": error.to_json()}
     return {"error": None, **answer}
@@ -66,7 +70,7 @@ def play_on_task(
 
 def _futures(
     evidence: Evidence,
-    stage: OpenSetup,
+    open_setup: OpenSetup,
     point: BranchPoint,
     report: Callable[..., None],
     *,
@@ -74,30 +78,34 @@ def _futures(
     budget: int,
 ) -> dict[str, Any]:
     """Plays both arms; `report` hears of each future."""
-    play = Continuations(course_of(evidence, stage, point.episode), budget=budget, on_step=report)
+    play = Continuations(
+        recorded_episode_of(evidence, open_setup, point.episode), budget=budget, on_step=report
+    )
     held, base = _held(play, point)
     found: Played = []
     for each in play.paths(point.turn, numbers, held=base):
         found.append(each)
         report(played=len(found), of=2 * len(numbers))
     steps = play.steps
-    other = play if point.policy is None else _other(evidence, stage, point, budget, report)
+    other = play if point.policy is None else _other(evidence, open_setup, point, budget, report)
     other.steps, other.budget = 0, max(budget - steps, 1)
     changed: Played = []
     for each in other.paths(point.turn, numbers[: len(found)], held=held):
         changed.append(each)
         report(played=len(found) + len(changed), of=2 * len(numbers))
     if point.policy is not None:
-        other.course.env.close()
+        other.base.env.close()
     pairs = found[: len(changed)]  # as far as both were played
     arms = {"as_recorded": pairs, "changed": changed}
-    told = {name: _arm(each, numbers, point.turn, stage.contract) for name, each in arms.items()}
+    told = {
+        name: _arm(each, numbers, point.turn, open_setup.contract) for name, each in arms.items()
+    }
     return {"steps": steps + other.steps, **told}
 
 
 def _recorded(
     evidence: Evidence,
-    stage: OpenSetup,
+    open_setup: OpenSetup,
     point: BranchPoint,
     report: Callable[..., None],
     *,
@@ -105,15 +113,15 @@ def _recorded(
     out: str,
 ) -> dict[str, Any]:
     """Records one future, and replays it."""
-    course, manifest = course_of(evidence, stage, point.episode), evidence.manifest
-    play = Continuations(course, budget=BUDGET, copies=False, on_step=report)
+    episode, manifest = recorded_episode_of(evidence, open_setup, point.episode), evidence.manifest
+    play = Continuations(episode, budget=BUDGET, copies=False, on_step=report)
     held, _ = _held(play, point)
     sink = recorder_of(
-        stage.opened,
+        open_setup.opened,
         out,
-        stage.contract,
+        open_setup.contract,
         run_seed=manifest.get("seed"),
-        contract=stage.contract if manifest.get("contract") else None,
+        contract=open_setup.contract if manifest.get("contract") else None,
         terms=tuple(manifest.get("terms") or ()),
         is_timed=False,
         extra={"played_on": {**asdict(point), "number": number, "root": evidence.root}},
@@ -122,21 +130,23 @@ def _recorded(
         play.record(point.turn, sink, number=number, held=held)
     kept = load(out)
     header = kept.header(0)
-    again = ReplayRunner(kept, stage.opened).play(header)
+    again = ReplayRunner(kept, open_setup.opened).play(header)
     return {"replays": again["fingerprint"] == header["fingerprint"]}
 
 
 def _other(
     evidence: Evidence,
-    stage: OpenSetup,
+    open_setup: OpenSetup,
     point: BranchPoint,
     budget: int,
     report: Callable[..., None],
 ) -> Continuations:
     """Continuations in which the agent is played by the other policy; their environment is open."""
-    changed = OpenSetup(stage.setup.with_policy(point.agent, point.policy), stage.contract)
-    course = course_of(evidence, changed, point.episode)
-    return Continuations(course, budget=budget, on_step=report)
+    changed = OpenSetup(
+        open_setup.setup.with_policy(point.agent, point.policy), open_setup.contract
+    )
+    episode = recorded_episode_of(evidence, changed, point.episode)
+    return Continuations(episode, budget=budget, on_step=report)
 
 
 def _held(play: Continuations, point: BranchPoint) -> tuple[dict[Any, Any], dict[Any, Any]]:
@@ -146,11 +156,11 @@ def _held(play: Continuations, point: BranchPoint) -> tuple[dict[Any, Any], dict
         EvidenceError: the agent doesn't act at that turn.
         ActionError: the action isn't legal.
     """
-    course, turn = play.course, point.turn
-    recorded = dict(course.actions[turn])
+    episode, turn = play.base, point.turn
+    recorded = dict(episode.actions[turn])
     agent = next((each for each in recorded if agent_name(each) == point.agent), None)
     if point.policy is not None:
-        _check_known(course, point)
+        _check_known(episode, point)
         return {}, {}
     if agent is None or recorded[agent] is None:
         raise EvidenceError(
@@ -160,16 +170,16 @@ def _held(play: Continuations, point: BranchPoint) -> tuple[dict[Any, Any], dict
             actual=point.agent,
             fix="choose one of these, or another turn",
         )
-    action = _action(course, agent, point, recorded[agent])
+    action = _action(episode, agent, point, recorded[agent])
     observation, info = play.inputs(turn)[agent]
-    mask = reader(course.contract.mask_of(agent))(observation, info)
-    if not allows(course.env.action_space(agent), mask, action):
+    mask = reader(episode.contract.mask_of(agent))(observation, info)
+    if not allows(episode.env.action_space(agent), mask, action):
         raise _illegal(point, "an action that the mask allows")
     return {**recorded, agent: action}, recorded
 
 
-def _check_known(course: RecordedCourse, point: BranchPoint) -> None:
-    agents = {agent_name(agent) for turn in course.actions for agent in turn}
+def _check_known(episode: RecordedEpisode, point: BranchPoint) -> None:
+    agents = {agent_name(agent) for turn in episode.actions for agent in turn}
     if point.agent not in agents:
         raise EvidenceError(
             f"{point.agent} acts nowhere in this episode",
@@ -180,9 +190,9 @@ def _check_known(course: RecordedCourse, point: BranchPoint) -> None:
         )
 
 
-def _action(course: RecordedCourse, agent: Any, point: BranchPoint, recorded: Any) -> Any:
+def _action(episode: RecordedEpisode, agent: Any, point: BranchPoint, recorded: Any) -> Any:
     """The action in the space's types; a whole number is of the type that was recorded."""
-    space = course.env.action_space(agent)
+    space = episode.env.action_space(agent)
     try:
         action = as_action(space, frozen(point.action))
     except (ValueError, TypeError) as error:

@@ -4,8 +4,6 @@ Nothing is declared and no environment steps: what an agent was given is given t
 with one field changed at one decision, and the first and the last action that differ are noted.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,8 +16,8 @@ from gymnasium.spaces import Box, Space
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gamekeeper.diagnosis.open_setup import OpenSetup, consent_to, setup_of
 from gamekeeper.diagnosis.plain_data import PlainData
-from gamekeeper.diagnosis.played_setup import OpenSetup, consent_to, setup_of
 from gamekeeper.episodes import canonical
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
@@ -325,9 +323,9 @@ def responses(
     setup = setup_of(evidence, env=env, policies=policies)
     episodes = [episode for _, episode in zip(range(FEEDS), evidence.episodes, strict=False)]
     consent = consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import)
-    with consent, OpenSetup(setup, evidence.contract) as stage:
+    with consent, OpenSetup(setup, evidence.contract) as open_setup:
         agents = [agent_name(agent) for agent in evidence.manifest.get("agents") or ()]
-        found = responses_of(stage, episodes, agents, seed=seed)
+        found = responses_of(open_setup, episodes, agents, seed=seed)
     if not found:
         raise EvidenceError(
             "no observation of a decision was recorded",
@@ -339,7 +337,7 @@ def responses(
 
 
 def responses_of(
-    stage: OpenSetup, episodes: Sequence[Episode], agents: Iterable[str], *, seed: int
+    open_setup: OpenSetup, episodes: Sequence[Episode], agents: Iterable[str], *, seed: int
 ) -> dict[str, ResponseTest]:
     """Response tests of the policies of an opened set-up, by agent.
 
@@ -349,17 +347,17 @@ def responses_of(
     found: dict[str, ResponseTest] = {}
     for name in agents:
         feeds = [feed for episode in episodes if (feed := feed_of(episode, name))]
-        space = observation_space(stage.env, name)
+        space = observation_space(open_setup.env, name)
         if feeds and space is not None:
             found[name] = response_test(
-                _fresh(stage, name, seed),
+                _fresh(open_setup, name, seed),
                 feeds,
-                fields=observed_fields(stage.contract, name, space),
-                space=action_space(stage.env, name),
+                fields=observed_fields(open_setup.contract, name, space),
+                space=action_space(open_setup.env, name),
                 rng=np.random.default_rng([13, seed]),
             )
     return found
 
 
-def _fresh(stage: OpenSetup, agent: str, seed: int) -> FreshPlayer:
-    return lambda stream: stage.cast.apart(agent, policy_rng(seed, stream, agent))
+def _fresh(open_setup: OpenSetup, agent: str, seed: int) -> FreshPlayer:
+    return lambda stream: open_setup.joint_policy.apart(agent, policy_rng(seed, stream, agent))

@@ -1,14 +1,12 @@
 """Differences between the set-ups of two runs, and set-ups that take some of them over."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.runs.standing import policies_of

@@ -1,7 +1,5 @@
 """A failing episode cut down to the fewest turns and actions that still fail in the same way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,8 +8,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.open_setup import recorder_of
 from gamekeeper.diagnosis.plain_data import PlainData
-from gamekeeper.diagnosis.played_setup import recorder_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import TEAM, failed, failures
@@ -103,7 +101,7 @@ def shrunk(
         search = _Search(evidence, episode, declared, failed, scope, opened.env)
         search.on_message = on_message
         play = shrink(search.play, search.still, plain=search.noops)
-        play = perform(play, opened.env, contract=declared).play  # with all actions on paper
+        play = perform(play, opened.env, contract=declared).play  # with a whole script
         found = search.result(play, episode)
         if out is not None:
             _keep(opened, play, Path(out), declared)
@@ -122,11 +120,11 @@ class _Search:
         scope: str | None,
         env: Any,
     ) -> None:
-        trace = evidence.episode(episode)
+        recorded = evidence.episode(episode)
         self._contract, self._env, self._left = contract, env, TRIES
         self._conditions = failures(contract, condition, evidence.episodes)
         env.reset(seed=0)
-        self.play = play_of(trace, env, evidence.manifest.get("action_types"))
+        self.play = play_of(recorded, env, evidence.manifest.get("action_types"))
         whole = tally(self.play, env, contract=contract)
         told = failed(whole, self._conditions, contract)
         failing = [each for each in sorted(told, key=lambda each: each != TEAM) if told[each]]

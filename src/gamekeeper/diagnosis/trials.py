@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
-from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
+from gamekeeper.diagnosis.open_setup import Setup, SetupTraits
 from gamekeeper.diagnosis.setup_differences import ABSENT
 from gamekeeper.diagnosis.undos import DRAWS, MESSAGES, BoundaryUndo
 from gamekeeper.episodes.layout import role as role_in_name

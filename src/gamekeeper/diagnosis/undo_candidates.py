@@ -4,8 +4,6 @@ Response tests leave out what they contradict: a lag that wasn't measured isn't 
 which a policy is deaf aren't exchanged, and one that reacts to nothing misreads nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -13,7 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from gamekeeper.diagnosis.played_setup import OpenSetup
+from gamekeeper.diagnosis.open_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.undos import BoundaryUndo, passed_with
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
@@ -237,7 +235,7 @@ def _numbers(field: NumberField, observations: Sequence[Any]) -> Any:
 
 
 def candidates_of(
-    stage: OpenSetup,
+    open_setup: OpenSetup,
     responses: Mapping[str, ResponseTest],
     agents: Sequence[str],
     seen: Mapping[str, Sequence[Any]] | None = None,
@@ -248,33 +246,35 @@ def candidates_of(
     come last.
 
     Args:
-        stage: the set-up as it is.
+        open_setup: the set-up as it is.
         responses: response tests of its policies; of agents without one nothing is left out.
         agents: those that are tried.
         seen: recorded observations by agent; undos that show others are left out.
     """
     ranked: list[tuple[bool, int, int, BoundaryUndo]] = []
-    for number, group in enumerate(_groups(stage, agents)):
-        likely = sorted(_of_group(stage, group, responses, seen or {}), key=lambda each: each[0])
+    for number, group in enumerate(_groups(open_setup, agents)):
+        likely = sorted(
+            _of_group(open_setup, group, responses, seen or {}), key=lambda each: each[0]
+        )
         ranked += [
             (tier >= SHIFTED, place, number, undo) for place, (tier, undo) in enumerate(likely)
         ]
     return [undo for *_, undo in sorted(ranked, key=lambda each: each[:3])]
 
 
-def is_either(stage: OpenSetup, undo: BoundaryUndo) -> bool:
+def is_either(open_setup: OpenSetup, undo: BoundaryUndo) -> bool:
     """Tells whether no undo at the other boundary could do what this one does, so far as is tried.
 
     What a policy does with whole numbers may be undone by other values of what it observes or of
     what it does; only pairs of a few values are exchanged, and observed ones aren't shifted.
     """
     agent = undo.agents[0]
-    observed, acted = observation_space(stage.env, agent), action_space(stage.env, agent)
+    observed, acted = observation_space(open_setup.env, agent), action_space(open_setup.env, agent)
     if observed is None or acted is None:
         return False
     most = 2 if undo.way == "shift actions" else MOST_VALUES
     if undo.way in ("shift actions", "exchange actions"):
-        others = observed_fields(stage.contract, agent, observed)
+        others = observed_fields(open_setup.contract, agent, observed)
     elif undo.component == "perception":
         others = acted_fields(acted)
     else:
@@ -282,26 +282,29 @@ def is_either(stage: OpenSetup, undo: BoundaryUndo) -> bool:
     return any(x.is_whole and most <= x.high - x.low < np.inf for x in others)
 
 
-def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
+def _groups(open_setup: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
     """Each agent, and agents with equal spaces that one policy plays, together."""
     together: dict[str, list[str]] = {}
     for agent in agents:
-        spaces = (observation_space(stage.env, agent), action_space(stage.env, agent))
-        named = stage.cast.chosen_for(agent)
+        spaces = (observation_space(open_setup.env, agent), action_space(open_setup.env, agent))
+        named = open_setup.joint_policy.chosen_for(agent)
         together.setdefault(f"{named.name} {named.version} {spaces}", []).append(agent)
     several = [tuple(group) for group in together.values() if len(group) > 1]
     return [*several, *((agent,) for agent in agents)]
 
 
 def _of_group(
-    stage: OpenSetup,
+    open_setup: OpenSetup,
     group: tuple[str, ...],
     responses: Mapping[str, ResponseTest],
     seen: Mapping[str, Sequence[Any]],
 ) -> Iterator[Candidate]:
     known = [responses[agent] for agent in group if agent in responses]
     tests = [each for each in known if each.is_repeatable]
-    observed, acted = observation_space(stage.env, group[0]), action_space(stage.env, group[0])
+    observed, acted = (
+        observation_space(open_setup.env, group[0]),
+        action_space(open_setup.env, group[0]),
+    )
     slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
     lags = [*slowest, *(each.lag or 0 for each in tests)]
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
@@ -310,8 +313,8 @@ def _of_group(
     own = [each for agent in group for each in seen.get(agent, ())]
     deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
     if observed is not None:
-        fields = observed_fields(stage.contract, group[0], observed)
-        alike = [a for a in seen if str(observation_space(stage.env, a)) == str(observed)]
+        fields = observed_fields(open_setup.contract, group[0], observed)
+        alike = [a for a in seen if str(observation_space(open_setup.env, a)) == str(observed)]
         known = [each for agent in alike for each in seen[agent]]
         for tier, undo in observation_undos(group, fields, NONE if is_still else deaf):
             # what was recorded may lie beyond what it reacts to only where it reads another field

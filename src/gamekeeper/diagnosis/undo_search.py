@@ -1,7 +1,5 @@
 """The search for an undo from outside: screened on a few failing seeds, confirmed on fresh ones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, islice, pairwise, product
 from typing import Any, Final
@@ -16,7 +14,7 @@ from gamekeeper.diagnosis.message_channels import (
     channels_of,
     deliveries,
 )
-from gamekeeper.diagnosis.played_setup import OpenSetup
+from gamekeeper.diagnosis.open_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of, responses_of
 from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, joined, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either
@@ -66,33 +64,35 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     if experiment.runner.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
         experiment.not_played.append("undos from outside")
         return {}
-    with OpenSetup(experiment.setup, experiment.contract) as stage:
-        fed = [stage.played(experiment.search_seed, episode).trace for episode in failing[:FED]]
+    with OpenSetup(experiment.setup, experiment.contract) as open_setup:
+        fed = [
+            open_setup.played(experiment.search_seed, episode).episode for episode in failing[:FED]
+        ]
         experiment.runner.extra += len(fed)
-        named = [agent_name(agent) for agent in getattr(stage.env, "possible_agents", ())]
+        named = [agent_name(agent) for agent in getattr(open_setup.env, "possible_agents", ())]
         agents = _suspects(experiment, scopes, named)
-        responses = responses_of(stage, fed, named, seed=experiment.seed)
+        responses = responses_of(open_setup, fed, named, seed=experiment.seed)
         peers = [
             one
-            for one in peers_of(experiment.setup, experiment.contract, named, stage.env)
+            for one in peers_of(experiment.setup, experiment.contract, named, open_setup.env)
             if one.agents[0] in agents
         ]
         experiment.undos = peers[: experiment.runner.left // (2 * ROUNDS[1])]
         ranked = ranked_undos(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
         replaced = {one.agents[0] for one, share in ranked.items() if share >= RIVAL}
         undos = candidates_of(
-            stage,
+            open_setup,
             responses,
             [a for a in agents if a in replaced or not replaced],
             _seen([*fed, *islice(episodes, RECORDED)], named),
         )
-        open_as = {undo: EITHER for undo in undos if is_either(stage, undo)}
+        open_as = {undo: EITHER for undo in undos if is_either(open_setup, undo)}
         held = (undo for undo in undos if undo.way == "hold" and _draws(undo.agents, responses))
         open_as |= dict.fromkeys(held, OR_DRAWN)
         axes = {
             agent: len(acted_fields(space))
             for agent in named
-            if (space := action_space(stage.env, agent)) is not None
+            if (space := action_space(open_setup.env, agent)) is not None
         }
     channels = _channels(experiment, named)
     undos = [*deliveries(channels), *undos]

@@ -145,11 +145,16 @@ TEXTS: Final[Mapping[Way, str]] = {
 VALUES: Final = ("exchange values", "exchange actions")
 
 
-class UndoneCast:
-    """A cast in which an undo stands between the game and the policies of some agents."""
+class UndonePolicies:
+    """A joint policy in which an undo stands between the game and the policies of some agents."""
 
-    def __init__(self, cast: Any, undo: BoundaryUndo, env: Any, contract: Contract) -> None:
-        self._cast, self._undo, self._env, self._contract = cast, undo, env, contract
+    def __init__(self, joint_policy: Any, undo: BoundaryUndo, env: Any, contract: Contract) -> None:
+        self._joint_policy, self._undo, self._env, self._contract = (
+            joint_policy,
+            undo,
+            env,
+            contract,
+        )
         self._agents = frozenset(undo.agents)
         self._boundaries: dict[AgentId, tuple[Passed, Passed, Offer | None]] = {}
         self._held: dict[AgentId, tuple[int, Any]] = {}
@@ -160,19 +165,19 @@ class UndoneCast:
         self._held = {}
         if self._way is not None:
             self._way.begin()
-        self._cast.begin(run_seed, episode)
+        self._joint_policy.begin(run_seed, episode)
 
     def asked(self, agent: AgentId, *given: Any, **how: Any) -> Any:
         """Actions of another agent's policy that is asked several times."""
-        return self._cast.asked(agent, *given, **how)
+        return self._joint_policy.asked(agent, *given, **how)
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """The action of a live agent; an illegal one gives way as `Offer.stand_in` says."""
         if self._way is not None:
             shown = self._way.given(agent, observation)
-            return self._way.noted(agent, self._cast.act(agent, shown, info))
+            return self._way.noted(agent, self._joint_policy.act(agent, shown, info))
         if agent_name(agent) not in self._agents:
-            return self._cast.act(agent, observation, info)
+            return self._joint_policy.act(agent, observation, info)
         if agent not in self._boundaries:
             boundary = _boundary(self._undo, self._env, self._contract, agent)
             self._boundaries[agent] = boundary
@@ -192,12 +197,12 @@ class UndoneCast:
         """
         undo, times = self._undo, int(self._undo.amount)
         if undo.way == "settle":
-            return self._cast.asked(agent, observation, info, times + 2, anew=False)[-1]
+            return self._joint_policy.asked(agent, observation, info, times + 2, anew=False)[-1]
         if undo.way == "commonest":
-            draws = self._cast.asked(agent, observation, info, times, anew=True)
+            draws = self._joint_policy.asked(agent, observation, info, times, anew=True)
             keys = [repr(np.asarray(each).tolist()) for each in draws]
             return draws[keys.index(Counter(keys).most_common(1)[0][0])]  # of equals the first
-        action = self._cast.act(agent, observation, info)
+        action = self._joint_policy.act(agent, observation, info)
         if undo.way == "hold":
             count, held = self._held.get(agent, (0, None))
             action = held if count % times else action

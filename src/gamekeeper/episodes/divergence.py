@@ -282,16 +282,16 @@ def compare(
     return found
 
 
-def turn_checksums(trace: Episode, *, volatile: Collection[str]) -> list[int]:
+def turn_checksums(episode: Episode, *, volatile: Collection[str]) -> list[int]:
     """Returns 32 bits for each turn: two episodes whose bits differ at a turn differ there."""
-    found = _by_turn(trace, volatile)
+    found = _by_turn(episode, volatile)
     turns = range(max(found, default=-1) + 1)
     return [zlib.crc32(repr(found.get(turn)).encode()) for turn in turns]
 
 
-def _turns_at(trace: Episode, numbers: list[int]) -> Iterator[Turn | None]:
+def _turns_at(episode: Episode, numbers: list[int]) -> Iterator[Turn | None]:
     """Yields the turn of each of the rising `numbers`; None where no row has it."""
-    turns = iter(trace.turns)
+    turns = iter(episode.turns)
     turn = next(turns, None)
     for number in numbers:
         while turn is not None and turn.index < number:
@@ -303,7 +303,7 @@ def _different_turns(left: Episode, right: Episode, volatile: Collection[str]) -
     """The turns at which rows, infos or states differ, in their order."""
     if _are_equal(left, right):
         return []
-    one, two = (_by_turn(trace, volatile) for trace in (left, right))
+    one, two = (_by_turn(episode, volatile) for episode in (left, right))
     return [turn for turn in sorted(one.keys() | two.keys()) if one.get(turn) != two.get(turn)]
 
 
@@ -327,17 +327,21 @@ def _are_equal(left: Episode, right: Episode) -> bool:
 
 
 @legible
-def _by_turn(trace: Episode, volatile: Collection[str]) -> dict[int, list[Any]]:
+def _by_turn(episode: Episode, volatile: Collection[str]) -> dict[int, list[Any]]:
     """For each turn, what has to be equal: digests of rows, infos, state."""
     found: dict[int, list[Any]] = {}
-    columns = (trace.steps["turn"].to_pylist(), trace.digests, trace.steps["info"].to_pylist())
+    columns = (
+        episode.steps["turn"].to_pylist(),
+        episode.digests,
+        episode.steps["info"].to_pylist(),
+    )
     for turn, digest, info in zip(*columns, strict=True):
         entry = found.setdefault(turn, [])
         entry.append(digest.tobytes())
         entry.append(without(info, volatile))
-    if trace.states is not None:
+    if episode.states is not None:
         for turn, state in zip(
-            trace.states["turn"].to_pylist(), _states(trace.states), strict=True
+            episode.states["turn"].to_pylist(), _states(episode.states), strict=True
         ):
             found.setdefault(turn, []).append(state)
     return found
@@ -368,7 +372,8 @@ def _first(
     names = [None if turn is None else list(turn.agents) for turn in turns]
     if names[0] != names[1]:
         errors = [
-            None if turn is not None else _error(trace) for turn, trace in ((a, left), (b, right))
+            None if turn is not None else _error(episode)
+            for turn, episode in ((a, left), (b, right))
         ]
         if errors[0] != errors[1]:  # a reset raised, so there is no row that says it
             return Divergence(left.episode, number, None, "raised", *errors), 0.0
@@ -390,8 +395,8 @@ def _first(
     return None, largest
 
 
-def _is_digest(*traces: Episode) -> bool:
-    return any("digest" in trace.steps.schema.names for trace in traces)
+def _is_digest(*episodes: Episode) -> bool:
+    return any("digest" in episode.steps.schema.names for episode in episodes)
 
 
 def _is_whole(field: str, value: Any) -> bool:
@@ -399,18 +404,18 @@ def _is_whole(field: str, value: Any) -> bool:
     return field == "order" or (field == "action" and isinstance(value, int | np.integer))
 
 
-def _error(trace: Episode) -> str | None:
+def _error(episode: Episode) -> str | None:
     """The last line of what ended an episode: type and text of an exception."""
-    text = trace.header.get("error")
+    text = episode.header.get("error")
     return text.strip().splitlines()[-1] if text and text.strip() else None
 
 
-def _state_at(trace: Episode, number: int) -> Any:
+def _state_at(episode: Episode, number: int) -> Any:
     """`state()` at a turn; of one that left no value, the name of its type."""
-    state = trace.state(number)
-    if state is not None or trace.states is None:
+    state = episode.state(number)
+    if state is not None or episode.states is None:
         return state
-    rows = trace.states.filter(pc.equal(trace.states["turn"], number))["nonconforming"]
+    rows = episode.states.filter(pc.equal(episode.states["turn"], number))["nonconforming"]
     kept = rows.drop_null().to_pylist()
     entry = json.loads(kept[0])["state"] if kept else {"value": None}
     return entry.get("value", entry)
@@ -481,8 +486,8 @@ def compare_chunks(
         known: how far the recorded one goes.
     """
     found = Comparison(known, tolerance=tolerance, volatile=volatile)
-    for trace, before in recorded.stretches():
-        if not found.look(trace, replayed.take(_end(trace) if before is None else before)):
+    for episode, before in recorded.stretches():
+        if not found.look(episode, replayed.take(_end(episode) if before is None else before)):
             break
     else:
         nothing = recorded.take(None)
@@ -494,9 +499,9 @@ def compare_chunks(
     return found
 
 
-def _end(trace: Episode) -> int:
+def _end(episode: Episode) -> int:
     """The turn after all those that have a row or a state."""
-    tables = [table for table in (trace.steps, trace.states) if table is not None]
+    tables = [table for table in (episode.steps, episode.states) if table is not None]
     return max(
         (int(table["turn"][-1].as_py()) + 1 for table in tables if table.num_rows), default=0
     )

@@ -142,7 +142,7 @@ class Turn:
     truncated: Mapping[AgentName, bool]
     rewards: Mapping[AgentName, float]
     raised: Mapping[AgentName, str]
-    _trace: Episode
+    _episode: Episode
     _rows: range
 
     def __repr__(self) -> str:
@@ -163,9 +163,9 @@ class Turn:
         """True if the agent has an observation here; it isn't decoded for that."""
         if agent not in self.agents:
             return False
-        codec = self._trace.spaces.get(agent, _NO_SPACES).observation
+        codec = self._episode.spaces.get(agent, _NO_SPACES).observation
         row = self._rows[self.agents.index(agent)]
-        if payloads_at(codec, self._trace.cells("obs"), row) is not None:
+        if payloads_at(codec, self._episode.cells("obs"), row) is not None:
             return True
         return "value" in self._strange(agent, "obs")
 
@@ -179,7 +179,7 @@ class Turn:
     def infos(self) -> Mapping[AgentName, Any]:
         """The info that each agent was given; an empty dictionary where it was empty."""
         infos, masks, rewards = map(
-            self._trace.column, ("info", "action_mask", "cumulative_reward")
+            self._episode.column, ("info", "action_mask", "cumulative_reward")
         )
         found: dict[AgentName, Any] = {}
         for name, row in zip(self.agents, self._rows, strict=True):
@@ -211,9 +211,9 @@ class Turn:
     def terms(self) -> Mapping[AgentName, Mapping[str, float]]:
         """Reward that the step paid each agent, by reward term."""
         found: dict[str, dict[str, float]] = {}
-        for column in self._trace.steps.schema.names:
+        for column in self._episode.steps.schema.names:
             if column.startswith(TERM):
-                values = self._trace.column(column)
+                values = self._episode.column(column)
                 for name, row in zip(self.agents, self._rows, strict=True):
                     if values[row] is not None:
                         found.setdefault(name, {})[column[len(TERM) :]] = values[row]
@@ -222,13 +222,13 @@ class Turn:
     @property
     def is_digest(self) -> bool:
         """True if digests stand in place of the observations."""
-        return self._trace.is_digest
+        return self._episode.is_digest
 
     @cached_property
     @legible
     def nonconforming(self) -> Mapping[AgentName, Mapping[str, Any]]:
         """Values that didn't conform, by agent and field: the name of the type, and the value."""
-        texts = self._trace.column("nonconforming")
+        texts = self._episode.column("nonconforming")
         return {
             name: nonconforming_of(texts[row])
             for name, row in zip(self.agents, self._rows, strict=True)
@@ -239,12 +239,12 @@ class Turn:
     @legible
     def digests(self) -> tuple[bytes, ...]:
         """The digest of each row, as stored or computed from the row."""
-        return tuple(digest.tobytes() for digest in self._trace.digests[self._rows])
+        return tuple(digest.tobytes() for digest in self._episode.digests[self._rows])
 
     @property
     def state(self) -> Any:
         """The environment's `state()` at the turn's start; None where it has none."""
-        return self._trace.state(self.index)
+        return self._episode.state(self.index)
 
     def _strange(self, agent: AgentName, field: str) -> Mapping[str, Any]:
         """Type and value of a field that didn't conform; empty where it did."""
@@ -252,10 +252,10 @@ class Turn:
 
     @legible
     def _values(self, kind: str) -> Mapping[AgentName, Any]:
-        cells, types = self._trace.cells(kind), self._trace.action_types
+        cells, types = self._episode.cells(kind), self._episode.action_types
         found = {}
         for name, row in zip(self.agents, self._rows, strict=True):
-            value = value_at(self._trace.spaces.get(name, _NO_SPACES).of(kind), cells, row)
+            value = value_at(self._episode.spaces.get(name, _NO_SPACES).of(kind), cells, row)
             strange = self._strange(name, kind)
             if value is None:
                 if "value" in strange:
@@ -408,7 +408,7 @@ class Episode:
             raised=MappingProxyType(given["raised"]),
             terminated=MappingProxyType(given["terminated"]),
             truncated=MappingProxyType(given["truncated"]),
-            _trace=self,
+            _episode=self,
             _rows=rows,
         )
 

@@ -33,24 +33,24 @@ def is_open(header: Mapping[str, Any]) -> bool:
     return header.get("end") in (None, *ENDS_OPEN)
 
 
-def env_steps(trace: Episode) -> int:
+def env_steps(episode: Episode) -> int:
     """Number of steps; of an episode without an end, of the turns in which an agent acted."""
-    turns = trace.header.get("turns")
+    turns = episode.header.get("turns")
     if turns is not None:
         return int(turns)
-    acted = trace.steps["turn"].filter(pc.is_valid(trace.steps["order"]))
+    acted = episode.steps["turn"].filter(pc.is_valid(episode.steps["order"]))
     return int(acted[-1].as_py()) + 1 if len(acted) else 0
 
 
-def extent_of(trace: Episode) -> Extent:
+def extent_of(episode: Episode) -> Extent:
     """Known extent of a whole episode."""
-    if not is_open(trace.header):
+    if not is_open(episode.header):
         return WHOLE
-    last = trace.steps["turn"][-1].as_py() if trace.steps.num_rows else -1
+    last = episode.steps["turn"][-1].as_py() if episode.steps.num_rows else -1
     state = None
-    if trace.states is not None:
-        state = trace.states["turn"][-1].as_py() if trace.states.num_rows else -1
-    return extent(trace.header, turns=env_steps(trace), last=last, state=state)
+    if episode.states is not None:
+        state = episode.states["turn"][-1].as_py() if episode.states.num_rows else -1
+    return extent(episode.header, turns=env_steps(episode), last=last, state=state)
 
 
 def extent(header: Mapping[str, Any], *, turns: int, last: int, state: int | None) -> Extent:
@@ -66,12 +66,12 @@ def extent(header: Mapping[str, Any], *, turns: int, last: int, state: int | Non
     return WHOLE if is_whole else Extent(turns, state)
 
 
-def clipped(trace: Episode, known: Extent) -> Episode:
+def clipped(episode: Episode, known: Extent) -> Episode:
     """An episode without its rows after `known`."""
     if known.turns is None:
-        return trace
-    steps = trace.steps.filter(pc.less(trace.steps["turn"], known.turns))
-    states = trace.states
+        return episode
+    steps = episode.steps.filter(pc.less(episode.steps["turn"], known.turns))
+    states = episode.states
     if states is not None and known.state is not None:
         states = states.filter(pc.less_equal(states["turn"], known.state))
-    return replace(trace, steps=steps, states=states, _cache={})
+    return replace(episode, steps=steps, states=states, _cache={})

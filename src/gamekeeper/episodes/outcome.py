@@ -79,7 +79,7 @@ def plain_numbers(info: object) -> dict[str, float]:
     return found
 
 
-def outcome_of(trace: Episode) -> Outcome:
+def outcome_of(episode: Episode) -> Outcome:
     """Outcome of a recorded episode."""
     returns: dict[str, float] = {}
     terms: dict[str, dict[str, float]] = {}
@@ -87,7 +87,7 @@ def outcome_of(trace: Episode) -> Outcome:
     infos: dict[str, dict[str, float]] = {}
     seen: dict[str, int] = {}
     acted = 0
-    for turn in trace.turns:
+    for turn in episode.turns:
         acted += bool(turn.order)
         for agent in turn.agents:
             returns[agent] = returns.get(agent, 0.0) + turn.rewards.get(agent, 0.0)
@@ -99,11 +99,11 @@ def outcome_of(trace: Episode) -> Outcome:
         for agent, info in turn.infos.items():
             if numbers := plain_numbers(info):
                 infos[agent], seen[agent] = numbers, turn.index
-    if not acted and any(name.startswith(TERM) for name in trace.steps.schema.names):
+    if not acted and any(name.startswith(TERM) for name in episode.steps.schema.names):
         terms = {agent: {} for agent in returns}  # before a step no agent can have been paid
-    named = trace.endings
+    named = episode.endings
     return Outcome(
-        seed=trace.seed,
+        seed=episode.seed,
         turns=acted,
         returns=returns,
         terms=terms,
@@ -111,8 +111,8 @@ def outcome_of(trace: Episode) -> Outcome:
         seen=seen,
         endings={agent: str(named.get(agent) or endings.get(agent, "cut")) for agent in returns},
         flags={agent: endings.get(agent, "cut") for agent in returns},
-        is_over=trace.header.get("end") == "ended",
-        error=trace.header.get("error"),
+        is_over=episode.header.get("end") == "ended",
+        error=episode.header.get("error"),
     )
 
 

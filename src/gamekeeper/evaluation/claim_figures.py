@@ -109,7 +109,7 @@ def _rows(
         yield from rows_of(
             outcome_of(episode),
             label=label,
-            sides={seat: (side.policy, side.run) for seat, side in match.pairing.sides},
+            sides={position: (side.policy, side.run) for position, side in match.pairing.sides},
             # not the empty steps that close an AEC agent's life: policies don't choose them
             lengths=Counter(a for turn in episode.turns for a in turn.order if a not in turn.ended),
             success=success,

@@ -35,7 +35,7 @@ from gamekeeper.evaluation.claim_figures import policy_files, runs_of
 from gamekeeper.evaluation.continuation import RESULT, document_in
 from gamekeeper.evaluation.worker_tasks import EPISODES
 from gamekeeper.import_guard import guarded
-from gamekeeper.interface.found_again import FILE_MODULE
+from gamekeeper.interface.object_source import FILE_MODULE
 from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.load_run import load

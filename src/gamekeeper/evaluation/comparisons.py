@@ -15,14 +15,14 @@ from gamekeeper.statistics.interval import rounded
 from gamekeeper.statistics.significance import holm
 
 ALPHA: Final = 0.05
-SEATS: Final = "seats"
-WIDE: Final = (TEAM, SEATS)
+POSITIONS: Final = "positions"
+WIDE: Final = (TEAM, POSITIONS)
 """Scopes that are about whole policies."""
 
 
 PRIMARY, SECONDARY = "primary", "secondary"
 """Families of comparisons. Claims are made of the primary one: of teams, or of rivals in both
-seats; where an environment has neither, of its roles and agents."""
+positions; where an environment has neither, of its roles and agents."""
 
 
 def comparisons_of(
@@ -73,14 +73,14 @@ def _head_to_head(
         if duel is None or table is None:
             judge.refuse("returns compared", _unmet(table), f"{a} and {b} in {ground.name}")
             continue
-        name = [ground.name, a, b, "both seats", RETURN]
+        name = [ground.name, a, b, "both positions", RETURN]
         compared = duel.compared(judge, of=f"{a} and {b} in {ground.name}", name=name)
         yield {
             "environment": ground.name,
             "a": a,
             "b": b,
-            "scope": SEATS,
-            "who": " and ".join(table.seats),
+            "scope": POSITIONS,
+            "who": " and ".join(table.positions),
             "metric": RETURN,
             "unit": "run" if compared.seeds is not None else "episode",
             **compared.to_json(),
@@ -95,9 +95,9 @@ def _unmet(table: CrossplayTable | None) -> str:
             "one wins what the other loses, so that a policy that plays against itself shows no "
             "strength; cross-play lets two policies meet both ways"
         )
-    if len(table.seats) != 2:
-        return "rivals are compared in two seats, and cross-play has more: name two of them"
-    return "they didn't meet in both seats: name both among the partners of cross-play"
+    if len(table.positions) != 2:
+        return "rivals are compared in two positions, and cross-play has more: name two of them"
+    return "they didn't meet in both positions: name both among the partners of cross-play"
 
 
 def _rows_of(

@@ -98,22 +98,22 @@ def _lost(before: Mapping[str, Any], spec: Spec, matches: Sequence[Match]) -> It
         runs = [plain_of(dict(each)) for each in policy.runs]
         if runs[: len(was["choices"])] != was["choices"]:
             yield f"policy {name} as {_players(was['choices'])}, now {_players(runs)}"
-    met = {(match.environment, frozenset(_seated(match))) for match in matches}
+    met = {(match.environment, frozenset(_positioned(match))) for match in matches}
     for name, each in before.get("crossplay", {}).items():
-        seated = (
+        positioned = (
             frozenset(cell["roles"].items()) for cell in each["cells"] if cell["kind"] != SELF
         )
-        if name in spec.environments and any((name, cell) not in met for cell in seated):
+        if name in spec.environments and any((name, cell) not in met for cell in positioned):
             yield f"cross-play in {name}, now without all of its pairings"
 
 
-def _seated(match: Match) -> Iterator[tuple[str, str]]:
-    """The policies by seat."""
-    return ((seat, side.policy) for seat, side in match.pairing.sides)
+def _positioned(match: Match) -> Iterator[tuple[str, str]]:
+    """The policies by position."""
+    return ((position, side.policy) for position, side in match.pairing.sides)
 
 
 def _players(runs: Sequence[Any]) -> str:
-    """Policies by seat, of one run or of several."""
+    """Policies by position, of one run or of several."""
     return json.dumps(runs[0] if len(runs) == 1 else runs)[:200]
 
 

@@ -17,8 +17,8 @@ from gamekeeper.evaluation.spec import EVERYONE, Spec
 from gamekeeper.statistics.significance import holm
 from gamekeeper.statistics.training_runs import MeetingLuck, luck_of_meetings
 
-Seated: TypeAlias = "tuple[tuple[str, str], ...]"
-"""Policies by seat."""
+ByPosition: TypeAlias = "tuple[tuple[str, str], ...]"
+"""Policies by position."""
 CHOSEN: Final = "chosen on the first half of the episodes; values and leads are those of the other"
 
 
@@ -27,65 +27,70 @@ class CrossplayTable:
     """Every line-up of an environment with its figures.
 
     Attributes:
-        seats: roles, agents, or `*` for the others.
+        positions: roles, agents, or `*` for the others.
         pairings: who sits where, and the figures of it.
     """
 
     spec: Spec
     ground: Ground
-    seats: tuple[str, ...]
+    positions: tuple[str, ...]
     pairings: Sequence[tuple[Pairing, Sheet]]
     judge: Judge
 
-    def seated(self, pairing: Pairing) -> dict[str, Checkpoint]:
-        """The sides by seat, also of who plays by itself."""
+    def positioned(self, pairing: Pairing) -> dict[str, Checkpoint]:
+        """The sides by position, also of who plays by itself."""
         given = dict(pairing.sides)
-        return {seat: given.get(seat, given.get(EVERYONE, Checkpoint(""))) for seat in self.seats}
+        return {
+            position: given.get(position, given.get(EVERYONE, Checkpoint("")))
+            for position in self.positions
+        }
 
-    def value(self, sheet: Sheet, seat: str) -> FloatArray:
-        """[episodes] what counts in a seat: the team's return, else the seat's own."""
+    def value(self, sheet: Sheet, position: str) -> FloatArray:
+        """[episodes] what counts in a position: the team's return, else the position's own."""
         if self.ground.has_team:
             return sheet.values(RETURN, TEAM, TEAM)
-        return self.of_seat(sheet, seat)
+        return self.of_position(sheet, position)
 
-    def of_seat(self, sheet: Sheet, seat: str) -> FloatArray:
-        """[episodes] the mean return of the agents in a seat."""
-        if seat in sheet.agents:
-            return sheet.values(RETURN, EACH, seat)
-        if seat != EVERYONE:
-            return sheet.values(RETURN, ROLE, seat)
+    def of_position(self, sheet: Sheet, position: str) -> FloatArray:
+        """[episodes] the mean return of the agents in a position."""
+        if position in sheet.agents:
+            return sheet.values(RETURN, EACH, position)
+        if position != EVERYONE:
+            return sheet.values(RETURN, ROLE, position)
         rest = [
             place
             for place, (agent, role) in enumerate(zip(sheet.agents, sheet.roles, strict=True))
-            if not {agent, role} & set(self.seats)
+            if not {agent, role} & set(self.positions)
         ]
         returns = sheet.column(RETURN)[:, rest]
         return np.asarray(np.nanmean(returns, axis=1)) if rest else np.full(len(returns), np.nan)
 
-    def cells(self) -> dict[tuple[Seated, str], list[tuple[Pairing, Sheet]]]:
-        """The line-ups by the policies in their seats and by their kind."""
-        found: dict[tuple[Seated, str], list[tuple[Pairing, Sheet]]] = {}
+    def cells(self) -> dict[tuple[ByPosition, str], list[tuple[Pairing, Sheet]]]:
+        """The line-ups by the policies in their positions and by their kind."""
+        found: dict[tuple[ByPosition, str], list[tuple[Pairing, Sheet]]] = {}
         for pairing, sheet in self.pairings:
-            seated = tuple((seat, side.policy) for seat, side in self.seated(pairing).items())
-            found.setdefault((seated, pairing.kind), []).append((pairing, sheet))
+            positioned = tuple(
+                (position, side.policy) for position, side in self.positioned(pairing).items()
+            )
+            found.setdefault((positioned, pairing.kind), []).append((pairing, sheet))
         return found
 
 
 def crossplay_of(table: CrossplayTable) -> dict[str, Any]:
     """The cross-play of an environment, as the document has it."""
-    ego = TEAM if table.ground.has_team else table.seats[0]
+    ego = TEAM if table.ground.has_team else table.positions[0]
     best, fair = _best_responses(table), _fairness(table)
     _correct(
         [*(gap for row in best for gap in row["gap"].values()), *(r["difference"] for r in fair)]
     )
     return {
-        "roles": list(table.seats),
+        "roles": list(table.positions),
         "policies": list(table.spec.policies),
         "metric": RETURN,
         "who": ego,
         "cells": [
-            _cell(table, dict(seated), kind, members)
-            for (seated, kind), members in table.cells().items()
+            _cell(table, dict(positioned), kind, members)
+            for (positioned, kind), members in table.cells().items()
         ],
         "best_response": best,
         "fairness": fair,
@@ -101,15 +106,15 @@ def _correct(found: Sequence[dict[str, Any] | None]) -> None:
 
 def _cell(
     table: CrossplayTable,
-    seated: Mapping[str, str],
+    positioned: Mapping[str, str],
     kind: str,
     members: Sequence[tuple[Pairing, Sheet]],
 ) -> dict[str, Any]:
-    seat = table.seats[0]
-    values = [table.value(sheet, seat) for _, sheet in members]
-    name = ["crossplay", table.ground.name, *seated.values(), kind]
-    of = f"{' with '.join(dict.fromkeys(seated.values()))} in {table.ground.name}"
-    methods = [p for p in dict.fromkeys(seated.values()) if table.spec.policies[p].is_method]
+    position = table.positions[0]
+    values = [table.value(sheet, position) for _, sheet in members]
+    name = ["crossplay", table.ground.name, *positioned.values(), kind]
+    of = f"{' with '.join(dict.fromkeys(positioned.values()))} in {table.ground.name}"
+    methods = [p for p in dict.fromkeys(positioned.values()) if table.spec.policies[p].is_method]
     gone = _lost(values)
     if not methods:
         found = table.judge.episodes(values[0], "mean", of=of, name=name, lost=gone)
@@ -123,12 +128,14 @@ def _cell(
         blocks = [np.stack(list(one.values())) for one in runs]
         n = min(map(len, blocks))
         times = _times(n, table.spec.crossplay.sample, kind)
-        runs_met = [[side.run for side in table.seated(pairing).values()] for pairing, _ in members]
+        runs_met = [
+            [side.run for side in table.positioned(pairing).values()] for pairing, _ in members
+        ]
         luck = _luck([(met[0], met[-1]) for met in runs_met], values)
         found = table.judge.meetings(blocks, times=times, luck=luck, of=of, lost=gone)
     mean = found or {"value": None, "low": None, "high": None}
     return {
-        "roles": dict(seated),
+        "roles": dict(positioned),
         "kind": kind,
         "n": n,
         "unit": "run" if methods else "episode",
@@ -138,7 +145,10 @@ def _cell(
         "mean": mean["value"],
         "low": mean["low"],
         "high": mean["high"],
-        "by_role": {seat: _mean([table.of_seat(s, seat) for _, s in members]) for seat in seated},
+        "by_role": {
+            position: _mean([table.of_position(s, position) for _, s in members])
+            for position in positioned
+        },
     }
 
 
@@ -157,7 +167,7 @@ def _lost(values: Sequence[FloatArray]) -> int:
 def _times(runs: int, sample: int | None, kind: str) -> float:
     """By how much a run's mean over its meetings is to be enlarged to be its part of the mean.
 
-    Two of its own method sit in two seats: twice. Where all meet, its partners' mean lacks only
+    Two of its own method sit in two positions: twice. Where all meet, its partners' mean lacks only
     itself, and so draws its mean towards the others'.
     """
     if kind != ZERO_SHOT:
@@ -174,14 +184,14 @@ def _by_run(
     """[episodes] of each run of a method, the mean over the line-ups that it stands in."""
     found: dict[int, list[FloatArray]] = {}
     for (pairing, _), figures in zip(members, values, strict=True):
-        for side in dict.fromkeys(table.seated(pairing).values()):
+        for side in dict.fromkeys(table.positioned(pairing).values()):
             if side.policy == method:
                 found.setdefault(side.run, []).append(figures)
     return {run: np.asarray(np.mean(np.stack(each), axis=0)) for run, each in found.items()}
 
 
 def _best_responses(table: CrossplayTable) -> list[dict[str, Any]]:
-    """Against every fixed opponent in all other seats: the best policy, and how far others are."""
+    """Against every fixed opponent in all other positions: the best policy, and others' gap."""
     cells, found = table.cells(), []
     fixed = [name for name, each in table.spec.policies.items() if not each.is_method]
     if not fixed:
@@ -190,17 +200,17 @@ def _best_responses(table: CrossplayTable) -> list[dict[str, Any]]:
             "no opponent is fixed: every policy is a method of several runs",
             table.ground.name,
         )
-    for seat in table.seats:
+    for position in table.positions:
         for opponent in fixed:
             candidates: dict[str, list[FloatArray]] = {}
-            for (seated, kind), members in cells.items():
-                by_seat = dict(seated)
-                policy = by_seat.pop(seat)
-                if set(by_seat.values()) == {opponent} and kind != ZERO_SHOT:
-                    values = [table.value(sheet, seat) for _, sheet in members]
+            for (positioned, kind), members in cells.items():
+                by_position = dict(positioned)
+                policy = by_position.pop(position)
+                if set(by_position.values()) == {opponent} and kind != ZERO_SHOT:
+                    values = [table.value(sheet, position) for _, sheet in members]
                     candidates[policy] = list(_by_run(table, policy, members, values).values())
             if len(candidates) > 1:
-                found.append(_best(table, seat, opponent, candidates))
+                found.append(_best(table, position, opponent, candidates))
     return found
 
 
@@ -211,7 +221,7 @@ def _mean_over_runs(runs: Sequence[FloatArray], part: slice = slice(None)) -> fl
 
 
 def _best(
-    table: CrossplayTable, seat: str, opponent: str, candidates: Mapping[str, list[FloatArray]]
+    table: CrossplayTable, position: str, opponent: str, candidates: Mapping[str, list[FloatArray]]
 ) -> dict[str, Any]:
     """The best response, chosen on the first half of the episodes, and its lead on the other.
 
@@ -227,7 +237,7 @@ def _best(
             continue
         of = f"{best} and {name} in {table.ground.name}"
         if len(runs) == len(rest[best]) == 1:
-            key = ["best response", table.ground.name, seat, opponent, best, name]
+            key = ["best response", table.ground.name, position, opponent, best, name]
             found = table.judge.paired(
                 rest[best][0], runs[0], of=of, name=key, lost=_lost([rest[best][0], runs[0]])
             )
@@ -240,9 +250,9 @@ def _best(
             "a method's runs are the same where it was chosen and where its lead is measured",
             of,
         )
-    others = {other: opponent for other in table.seats if other != seat}
+    others = {other: opponent for other in table.positions if other != position}
     return {
-        "role": seat,
+        "role": position,
         "against": others,
         "policy": best,
         "value": _mean_over_runs(rest[best]),
@@ -252,10 +262,10 @@ def _best(
 
 
 def _fairness(table: CrossplayTable) -> list[dict[str, Any]]:
-    """Both ways of sitting on the same seeds, where two seats play against one another."""
-    if table.ground.has_team or len(table.seats) != 2:
+    """Both ways of sitting on the same seeds, where two positions play against one another."""
+    if table.ground.has_team or len(table.positions) != 2:
         return []
-    by_sides = {tuple(table.seated(p).values()): sheet for p, sheet in table.pairings}
+    by_sides = {tuple(table.positioned(p).values()): sheet for p, sheet in table.pairings}
     pairs = dict.fromkeys(tuple(sorted(sides)) for sides in by_sides)
     found: dict[tuple[str, str], list[tuple[Sheet, Sheet]]] = {}
     for a, b in pairs:
@@ -266,7 +276,7 @@ def _fairness(table: CrossplayTable) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, slots=True)
 class Duel:
-    """Meetings of two policies in both seats on the same seeds.
+    """Meetings of two policies in both positions on the same seeds.
 
     Attributes:
         meetings: by the runs of both: [episodes] the mean return of the one, and of the other.
@@ -311,17 +321,17 @@ class Duel:
 
 def both_ways(table: CrossplayTable) -> dict[tuple[str, str], Duel]:
     """The duels of every two policies whose runs met both ways on the same seeds."""
-    if table.ground.has_team or len(table.seats) != 2:
+    if table.ground.has_team or len(table.positions) != 2:
         return {}
-    first, second = table.seats
-    by_sides = {tuple(table.seated(p).values()): sheet for p, sheet in table.pairings}
+    first, second = table.positions
+    by_sides = {tuple(table.positioned(p).values()): sheet for p, sheet in table.pairings}
     found: dict[tuple[str, str], dict[tuple[int, int], tuple[FloatArray, FloatArray]]] = {}
     for (a, b), there in by_sides.items():
         back = by_sides.get((b, a))
         if back is None or a.policy == b.policy or (b.policy, a.policy) in found:
             continue
-        ones = (table.of_seat(there, first) + table.of_seat(back, second)) / 2
-        twos = (table.of_seat(there, second) + table.of_seat(back, first)) / 2
+        ones = (table.of_position(there, first) + table.of_position(back, second)) / 2
+        twos = (table.of_position(there, second) + table.of_position(back, first)) / 2
         found.setdefault((a.policy, b.policy), {})[a.run, b.run] = (ones, twos)
     policies = table.spec.policies
     return {
@@ -333,13 +343,13 @@ def both_ways(table: CrossplayTable) -> dict[tuple[str, str], Duel]:
 def _swapped(
     table: CrossplayTable, pair: tuple[str, str], meetings: Sequence[tuple[Sheet, Sheet]]
 ) -> dict[str, Any]:
-    first, second = table.seats
+    first, second = table.positions
     leads, ones, twos = [], [], []
     for there, back in meetings:  # a sits first there, second on the way back
-        x1, x2 = table.of_seat(there, first), table.of_seat(there, second)
-        y1, y2 = table.of_seat(back, first), table.of_seat(back, second)
-        leads.append((x1 - x2 + y1 - y2) / 2)  # both sit in both seats: skill cancels out
-        ones.append((x1 + y2) / 2)  # and of each policy's own mean the seat's worth does
+        x1, x2 = table.of_position(there, first), table.of_position(there, second)
+        y1, y2 = table.of_position(back, first), table.of_position(back, second)
+        leads.append((x1 - x2 + y1 - y2) / 2)  # both sit in both positions: skill cancels out
+        ones.append((x1 + y2) / 2)  # and of each policy's own mean the position's worth does
         twos.append((x2 + y1) / 2)
     name = ["fairness", table.ground.name, *pair]
     of = f"{' and '.join(dict.fromkeys(pair))} in {table.ground.name}"
@@ -363,7 +373,7 @@ def _swapped(
         return row
     value = {"value": _mean(leads), "low": None, "high": None, "method": None}
     table.judge.refuse(
-        "interval of the first seat's lead",
+        "interval of the first position's lead",
         "runs of methods meet one another: their meetings share runs, so they aren't a sample",
         of,
     )

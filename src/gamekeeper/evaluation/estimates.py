@@ -295,8 +295,8 @@ class Judge:
 
         Args:
             blocks: by method [runs, episodes], of each run the mean over its meetings.
-            times: what a run's mean is enlarged by: in how many seats its method sits.
-            luck: of single meetings, where runs vary in both seats.
+            times: what a run's mean is enlarged by: in how many positions its method sits.
+            luck: of single meetings, where runs vary in both positions.
             of: whom a refusal names.
             lost: seeds on which a meeting broke off.
         """

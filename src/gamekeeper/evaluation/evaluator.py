@@ -74,7 +74,7 @@ def evaluate(
         policies: by name: a policy, policies by role, or a list of a method's training runs.
         episodes: that everybody plays.
         seed: of the run.
-        crossplay: every policy in every seat with every partner; or its section as plain data.
+        crossplay: every policy in every position with every partner; or its section as plain data.
         env_kwargs, contract: of an environment.
         record: `digest` or `full` records a run of every pairing.
         out: a folder for the raw episodes and the results; a second call goes on there, with more
@@ -108,14 +108,16 @@ def evaluate(
         if isinstance(executor, str):
             stack.enter_context(player)
         limits, take = Limits(silence_s=timeout_s), on_message or (lambda fields: None)
-        course = EvaluationRun(whole, player, is_here, Storage.at(storage or folder), limits, take)
-        found, grounds = _evaluated(whole, course, note, unpinned=unpinned)
+        evaluation_run = EvaluationRun(
+            whole, player, is_here, Storage.at(storage or folder), limits, take
+        )
+        found, grounds = _evaluated(whole, evaluation_run, note, unpinned=unpinned)
         found = replace(found, commands=() if command is None else (command,))
         text = json.dumps(finite(found.to_json()), indent=1, allow_nan=False) + "\n"
-        course.storage.put(RESULT, text.encode())
+        evaluation_run.storage.put(RESULT, text.encode())
         if storage is not None and out is not None:
             Storage.at(out).put(RESULT, text.encode())
-            Storage.at(out).put(EPISODES, course.storage.get(EPISODES))
+            Storage.at(out).put(EPISODES, evaluation_run.storage.get(EPISODES))
         if marl_eval is not None:
             _write(Path(marl_eval), json.dumps(marl_eval_of(whole, grounds), indent=1) + "\n")
     return Evaluation.from_json(finite(found.to_json()))
@@ -150,7 +152,7 @@ def looked_at(
     """
     whole = spec_of(spec)
     with tempfile.TemporaryDirectory() as folder, executor_of("local", 1) as player:
-        course = EvaluationRun(
+        evaluation_run = EvaluationRun(
             whole,
             player,
             False,
@@ -158,7 +160,7 @@ def looked_at(
             Limits(silence_s=timeout_s),
             lambda fields: None,
         )
-        return whole, course.looks()
+        return whole, evaluation_run.looks()
 
 
 def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
@@ -182,26 +184,26 @@ def _executor(executor: str | Executor, workers: int) -> Executor:
 
 
 def _evaluated(
-    spec: Spec, course: EvaluationRun, note: Callable[[str], None], *, unpinned: bool
+    spec: Spec, evaluation_run: EvaluationRun, note: Callable[[str], None], *, unpinned: bool
 ) -> tuple[Evaluation, list[Ground]]:
     """Plays what is missing and judges everything."""
-    looks = course.looks()
+    looks = evaluation_run.looks()
     refuse_copies(spec, looks)
     refuse_role_names(spec, looks)
     strange = check_pins(spec, looks)
     if not unpinned:
         refuse_unpinned(spec, strange)
-    matches = matches_of(spec, looks, is_here=course.is_here)
-    for text in settle_plan(spec, looks, matches, course.storage):
+    matches = matches_of(spec, looks, is_here=evaluation_run.is_here)
+    for text in settle_plan(spec, looks, matches, evaluation_run.storage):
         note(text)
     stopping = None if spec.stop is None else Stopping(spec, looks)
-    episodes, played = _played(spec, course, matches, stopping)
+    episodes, played = _played(spec, evaluation_run, matches, stopping)
     note(_said_of(played, episodes * len(matches)))
-    table, told = course.merge(matches, episodes)
-    evidence = course.keep(matches, episodes) if spec.record else []
+    table, told = evaluation_run.merge(matches, episodes)
+    evidence = evaluation_run.keep(matches, episodes) if spec.record else []
     figures, grounds, judge = judged_of(spec, looks, matches, table)
     stopped = None if stopping is None else stopping.to_json(episodes)
-    _keep_payoffs(figures["crossplay"], course.storage)
+    _keep_payoffs(figures["crossplay"], evaluation_run.storage)
     _refuse_unrepeated(judge, evidence)
     notes = notes_of(
         spec,
@@ -295,16 +297,16 @@ def _refuse_unrepeated(judge: Judge, evidence: Sequence[Mapping[str, Any]]) -> N
 
 
 def _played(
-    spec: Spec, course: EvaluationRun, matches: Sequence[Match], stopping: Stopping | None
+    spec: Spec, evaluation_run: EvaluationRun, matches: Sequence[Match], stopping: Stopping | None
 ) -> tuple[int, int]:
     """Number of episodes that each policy has played, and of those of all that were missing."""
-    played, last = course.play(matches, 0, spec.episodes), spec.episodes
+    played, last = evaluation_run.play(matches, 0, spec.episodes), spec.episodes
     if stopping is None or spec.stop is None:
         return last, played
     first = 0
     alone = [match for match in matches if match.pairing.kind == SELF]
     while True:
-        table, _ = course.merge(alone, last)
+        table, _ = evaluation_run.merge(alone, last)
         for match in alone:
             sheet = sheets_of(_since(table, match, first))[match.environment, match.pairing.name]
             side = match.pairing.side
@@ -313,7 +315,7 @@ def _played(
         if stopping.is_enough() or last >= spec.stop.most:
             return last, played
         first, last = last, min(last + spec.stop.every, spec.stop.most)
-        played += course.play(matches, first, last)
+        played += evaluation_run.play(matches, first, last)
 
 
 def _said_of(played: int, whole: int) -> str:
@@ -381,10 +383,10 @@ def _tables(
     found = {}
     for ground in grounds:
         mine = [match for match in matches if match.environment == ground.name]
-        seats = next((match.seats for match in mine), ())
-        if spec.crossplay.enabled and seats:
+        positions = next((match.positions for match in mine), ())
+        if spec.crossplay.enabled and positions:
             pairings = [(each.pairing, sheets[ground.name, each.pairing.name]) for each in mine]
-            found[ground.name] = CrossplayTable(spec, ground, seats, pairings, judge)
+            found[ground.name] = CrossplayTable(spec, ground, positions, pairings, judge)
     return found
 
 

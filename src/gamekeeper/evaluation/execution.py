@@ -1,4 +1,4 @@
-"""The course of an evaluation: looks, parts that an executor plays, the merge, evidence."""
+"""The run of an evaluation: looks, parts that an executor plays, the merge, evidence."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

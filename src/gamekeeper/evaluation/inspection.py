@@ -16,13 +16,13 @@ from gamekeeper.evaluation.spec import Choices, EnvironmentSpec, Spec
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.distributions import normal_name, owner_of
 from gamekeeper.interface.env_source import Opened
-from gamekeeper.interface.found_again import FILE_MODULE
 from gamekeeper.interface.identity import source_digest
 from gamekeeper.interface.modules import split_file
+from gamekeeper.interface.object_source import FILE_MODULE
 from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.policy import Chosen
 from gamekeeper.rollouts.rollout_plan import NAMES, object_of_this_process
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 SIZE: Final = 16
 """Bytes of a digest."""
@@ -265,8 +265,8 @@ def look_at(
             found = []
             for choices in runs:
                 report()
-                cast = cast_of(dict(choices), env, contract)
-                chosen = {whom: cast.chosen_for(whom) for whom in choices}
+                joint_policy = joint_policy_of(dict(choices), env, contract)
+                chosen = {whom: joint_policy.chosen_for(whom) for whom in choices}
                 found.append(policy_digest(chosen, files.get(name, ())))
             digests[name] = tuple(found)
         return Inspection(

@@ -12,7 +12,7 @@ from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.rollouts.executors.task import WorkTask
 
 SELF, ZERO_SHOT, FIXED = "self", "zero-shot", "fixed"
-"""Kinds of line-ups: one run in all seats; runs of one method; policies with others."""
+"""Kinds of line-ups: one run in all positions; runs of one method; policies with others."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -32,7 +32,7 @@ class Pairing:
 
     Attributes:
         name: as the raw episodes call it: `mappo#0`, or `picker=mappo#0 carrier=random`.
-        sides: by seat; of a policy that plays by itself, under `*`.
+        sides: by position; of a policy that plays by itself, under `*`.
         choices: the policies by agent, role, or under `*`.
     """
 
@@ -42,7 +42,7 @@ class Pairing:
 
     @property
     def side(self) -> Checkpoint | None:
-        """The one checkpoint in all seats; None where several meet."""
+        """The one checkpoint in all positions; None where several meet."""
         found = {side for _, side in self.sides}
         return found.pop() if len(found) == 1 else None
 
@@ -55,7 +55,7 @@ class Pairing:
 
 
 def by_themselves(spec: Spec, environment: str) -> list[Pairing]:
-    """Every policy's every run in all seats."""
+    """Every policy's every run in all positions."""
     return [
         Pairing(shown(spec, side), ((EVERYONE, side),), choices_of(choices, spec))
         for name, policy in spec.policies.items()
@@ -69,13 +69,13 @@ def shown(spec: Spec, side: Checkpoint) -> str:
     return f"{side.policy}#{side.run}" if spec.policies[side.policy].is_method else side.policy
 
 
-def seats_of(spec: Spec, environment: str, look: Inspection) -> tuple[str, ...]:
-    """The seats of an environment, of which every agent has one.
+def positions_of(spec: Spec, environment: str, look: Inspection) -> tuple[str, ...]:
+    """The positions of an environment, of which every agent has one.
 
     Its roles, where there are several; its two agents; or one agent and all others.
 
     Raises:
-        EvidenceError: an agent has no seat, or there is only one.
+        EvidenceError: an agent has no position, or there is only one.
     """
     asked = spec.crossplay.roles.get(environment, spec.crossplay.roles.get(EVERYONE))
     agents, roles = list(look.roles), list(look.role_names)
@@ -83,40 +83,40 @@ def seats_of(spec: Spec, environment: str, look: Inspection) -> tuple[str, ...]:
         several = tuple(roles) if len(roles) > 1 else tuple(agents)
         asked = several if len(several) <= max(len(roles), 2) else (agents[0], EVERYONE)
     known = {*agents, *roles, EVERYONE}
-    seatless = [a for a, r in look.roles.items() if not {a, r, EVERYONE} & set(asked)]
-    strange = [seat for seat in asked if seat not in known]
-    if len(asked) < 2 or strange or seatless:
+    unplaced = [a for a, r in look.roles.items() if not {a, r, EVERYONE} & set(asked)]
+    strange = [position for position in asked if position not in known]
+    if len(asked) < 2 or strange or unplaced:
         raise EvidenceError(
-            "the seats of cross-play don't fit the environment",
+            "the positions of cross-play don't fit the environment",
             where=f"crossplay.roles, {environment}",
             expected=f"at least two of {', '.join([*roles, *agents, EVERYONE])}, for everybody",
             actual=", ".join(asked) or "none",
-            fix=_seats_fix(seatless, strange),
+            fix=_positions_fix(unplaced, strange),
         )
     return asked
 
 
-def _seats_fix(seatless: Sequence[str], strange: Sequence[str]) -> str:
+def _positions_fix(unplaced: Sequence[str], strange: Sequence[str]) -> str:
     if strange:
         return f"take {', '.join(strange)} out, or name a role or an agent of the environment"
-    if seatless:
-        return f"name a seat for {', '.join(seatless)}, or '*'"
-    return "name one seat more; '*' stands for all other agents"
+    if unplaced:
+        return f"name a position for {', '.join(unplaced)}, or '*'"
+    return "name one position more; '*' stands for all other agents"
 
 
 def crossed(
-    spec: Spec, environment: str, look: Inspection, seats: tuple[str, ...]
+    spec: Spec, environment: str, look: Inspection, positions: tuple[str, ...]
 ) -> list[Pairing]:
-    """Every policy in every seat with every partner in all other seats; nobody alone.
+    """Every policy in every position with every partner in all other positions; nobody alone.
 
     Raises:
         EvidenceError: there are more than `MOST_CELLS`.
-        PolicyError: a policy names none for a seat.
+        PolicyError: a policy names none for a position.
     """
     found: dict[Sides, None] = {}
     for a, b in _meetings(spec, environment):
-        for seat in seats:
-            sides = tuple((each, a if each == seat else b) for each in seats)
+        for position in positions:
+            sides = tuple((each, a if each == position else b) for each in positions)
             found.setdefault(sides)
             if len(found) > MOST_CELLS:
                 raise EvidenceError(
@@ -158,25 +158,25 @@ def _runs(spec: Spec, a: str, b: str, of_a: int, of_b: int) -> Iterator[tuple[in
 
 
 def _pairing(spec: Spec, environment: str, look: Inspection, sides: Sides) -> Pairing:
-    by_seat = dict(sides)
+    by_position = dict(sides)
     choices: dict[str, Any] = {}
-    for seat, side in sides:
+    for position, side in sides:
         table = choices_of(spec.policies[side.policy].runs_in(environment)[side.run], spec)
-        roles = look.role_names if seat == EVERYONE else (seat,)
+        roles = look.role_names if position == EVERYONE else (position,)
         for role in roles:
-            if role in look.roles:  # the seat is an agent
+            if role in look.roles:  # the position is an agent
                 choices[role] = _choice(table, side, role, look.roles[role])
-            elif role not in by_seat or role == seat:
+            elif role not in by_position or role == position:
                 choices[role] = _choice(table, side, role)
         for agent, role in look.roles.items():
             is_there = (
                 role in roles
-                and agent not in by_seat
-                and not (seat == EVERYONE and role in by_seat)
+                and agent not in by_position
+                and not (position == EVERYONE and role in by_position)
             )
             if is_there and agent in table:
                 choices[agent] = table[agent]
-    name = " ".join(f"{seat}={shown(spec, side)}" for seat, side in sides)
+    name = " ".join(f"{position}={shown(spec, side)}" for position, side in sides)
     return Pairing(name, sides, choices)
 
 
@@ -202,14 +202,14 @@ class Match:
     """A line-up in an environment.
 
     Attributes:
-        seats: of cross-play there; empty where there is none.
+        positions: of cross-play there; empty where there is none.
         arguments: of the playing task, but for the episodes.
         digest: of everything that settles what an episode comes to.
     """
 
     environment: str
     pairing: Pairing
-    seats: tuple[str, ...]
+    positions: tuple[str, ...]
     arguments: Mapping[str, Any]
     digest: str
 
@@ -231,17 +231,17 @@ def matches_of(spec: Spec, looks: Mapping[str, Inspection], *, is_here: bool) ->
         is_here: it is played in this process, so that objects needn't be named.
     Raises:
         EvidenceError: there are too many, or a policy is an object that can't leave this process.
-        PolicyError: a policy names none for a seat.
+        PolicyError: a policy names none for a position.
     """
     found = []
     for name in spec.environments:
         look = looks[name]
-        seats: tuple[str, ...] = ()
+        positions: tuple[str, ...] = ()
         pairings = by_themselves(spec, name)
         if spec.crossplay.enabled:
-            seats = seats_of(spec, name, look)
-            pairings += crossed(spec, name, look, seats)
-        found += [_match(spec, name, look, each, seats, is_here=is_here) for each in pairings]
+            positions = positions_of(spec, name, look)
+            pairings += crossed(spec, name, look, positions)
+        found += [_match(spec, name, look, each, positions, is_here=is_here) for each in pairings]
     return found
 
 
@@ -250,7 +250,7 @@ def _match(
     name: str,
     look: Inspection,
     pairing: Pairing,
-    seats: tuple[str, ...],
+    positions: tuple[str, ...],
     *,
     is_here: bool,
 ) -> Match:
@@ -259,7 +259,7 @@ def _match(
     options: Any = environment.options
     if not is_here:
         opening, options = env_step(opening, options)
-    sides = {seat: [side.policy, side.run] for seat, side in pairing.sides}
+    sides = {position: [side.policy, side.run] for position, side in pairing.sides}
     part: dict[str, Any] = {
         "label": {"environment": name, "pairing": pairing.name},
         "sides": sides,
@@ -267,10 +267,10 @@ def _match(
         "infos": list(spec.infos),
     }
     limits = {"seed": spec.seed, "most_turns": environment.most_turns}
-    playing = {seat: look.policies[side.policy][side.run] for seat, side in pairing.sides}
+    playing = {position: look.policies[side.policy][side.run] for position, side in pairing.sides}
     digest = digest_of([{**part, **limits}, look.digest, look.version, look.contract, playing])
     lineup = {"opening": opening, "choices": dict(pairing.choices), "options": options, **limits}
-    return Match(name, pairing, seats, {**part, "lineup": lineup}, digest[:24])
+    return Match(name, pairing, positions, {**part, "lineup": lineup}, digest[:24])
 
 
 def chunks(first: int, last: int) -> Iterator[tuple[int, int]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gamekeeper.evaluation.comparisons import ALPHA, SEATS
+from gamekeeper.evaluation.comparisons import ALPHA, POSITIONS
 from gamekeeper.evaluation.matchups import ZERO_SHOT
 from gamekeeper.statistics.ranking import alpha_rank, cycle_of
 
@@ -15,7 +15,7 @@ Row = Mapping[str, Any]
 
 
 def payoffs_of(crossed: Row) -> dict[str, Any] | None:
-    """The matrix of mean returns by the policies in two seats; None where there are more seats.
+    """The matrix of mean returns by policies in two positions; None where there are more.
 
     Runs of one method meet one another in its diagonal cell, where they do.
 
@@ -50,7 +50,7 @@ def ranking_of(comparisons: Sequence[Row]) -> dict[str, Any] | None:
 
     Only claims count: whose difference isn't shown, is no edge of a cycle.
     """
-    rows = [row for row in comparisons if row["scope"] == SEATS]
+    rows = [row for row in comparisons if row["scope"] == POSITIONS]
     names = list(dict.fromkeys(name for row in rows for name in (row["a"], row["b"])))
     beats = np.zeros((len(names), len(names)), np.bool_)
     for row in rows:

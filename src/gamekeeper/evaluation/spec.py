@@ -85,7 +85,7 @@ class CrossplaySpec:
 
     Attributes:
         enabled: whether they do.
-        roles: the seats, by environment or under `*`: roles, agents, or `*` for all others.
+        roles: the positions, by environment or under `*`: roles, agents, or `*` for all others.
         partners: names of the policies that others are paired with; empty: all of them.
         sample: of a method's runs, with how many each run is paired; None: with all.
     """
@@ -126,7 +126,7 @@ class Spec:
         seed: of the run; settles every episode's and every policy's draws.
         episodes: numbers 0 to episodes - 1, the same for everybody.
         compare: pairs of names; None: all pairs.
-        crossplay: partners and seats.
+        crossplay: partners and positions.
         stop: playing on until it is known well enough.
         infos: fields of the last infos that are metrics too.
         terms: reward terms that are metrics; None: all.

@@ -301,7 +301,7 @@ def _unit(value: object, at: SourcePath) -> str:
     return word(*UNITS)(value, at)
 
 
-def _seats(value: object, at: SourcePath) -> dict[str, tuple[str, ...]]:
+def _positions(value: object, at: SourcePath) -> dict[str, tuple[str, ...]]:
     rows = value if isinstance(value, Mapping) else {EVERYONE: value}
     return {name: TEXTS(each, at) for name, each in rows.items()}
 
@@ -371,7 +371,7 @@ POLICY_KEYS: Final[Mapping[str, Read[Any]]] = {
 }
 POLICY: Final[Read[dict[str, Any]]] = section(dict, POLICY_KEYS)
 CROSSPLAY: Final = section(
-    CrossplaySpec, {"enabled": truth, "roles": _seats, "partners": TEXTS, "sample": whole(1)}
+    CrossplaySpec, {"enabled": truth, "roles": _positions, "partners": TEXTS, "sample": whole(1)}
 )
 STOP: Final = section(
     StopSpec,

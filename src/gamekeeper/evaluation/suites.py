@@ -97,7 +97,7 @@ def refuse_copies(spec: Spec, looks: Mapping[str, Inspection]) -> None:
 
 
 def refuse_role_names(spec: Spec, looks: Mapping[str, Inspection]) -> None:
-    """Refuses policies that are called as a role or an agent: they were meant for its seat.
+    """Refuses policies that are called as a role or an agent: they were meant for its position.
 
     Raises:
         SpecError: the name of a policy is one of an environment's roles or agents.

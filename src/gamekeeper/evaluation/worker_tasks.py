@@ -34,7 +34,7 @@ from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS
 from gamekeeper.rollouts.tally import tally
-from gamekeeper.runs.recording import cast_of, rollout
+from gamekeeper.runs.recording import joint_policy_of, rollout
 
 PLAY: Final = "gamekeeper.evaluation.worker_tasks:play_task"
 MERGE: Final = "gamekeeper.evaluation.worker_tasks:merge_task"
@@ -125,7 +125,7 @@ def play_part(
     env: Any = opened.env
     try:
         contract = declared or Contract()
-        cast = _Counting(cast_of(dict(lineup.choices), env, contract), opened.api)
+        joint_policy = _Counting(joint_policy_of(dict(lineup.choices), env, contract), opened.api)
         judge = Success(contract, success)
         roster = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
         rows: list[dict[str, Any]] = []
@@ -137,15 +137,22 @@ def play_part(
                 options=given(lineup.options),
                 most_turns=MOST_TURNS if most_turns is None else most_turns,
             )
-            outcome = tally(play, env, cast=cast, cast_seed=seed, contract=contract, on_step=report)
+            outcome = tally(
+                play,
+                env,
+                joint_policy=joint_policy,
+                policy_seed=seed,
+                contract=contract,
+                on_step=report,
+            )
             turns += outcome.turns
             rows += rows_of(
                 outcome,
-                label={**label, "episode": episode, "reset": cast.reset},
+                label={**label, "episode": episode, "reset": joint_policy.reset},
                 success=judge,
                 contract=contract,
                 sides={whom: (side[0], side[1]) for whom, side in sides.items()},
-                lengths=cast.counts,
+                lengths=joint_policy.counts,
                 roster=roster,
                 infos=infos,
             )
@@ -155,31 +162,34 @@ def play_part(
             env.close()
     table = table_of(rows)
     broken = sorted({str(row["error"]) for row in rows if row["error"] is not None})
-    acted = sum(row["length"] for row in rows)
     return table, {
         "columns": table.schema.names,
         "episodes": last - first,
         "turns": turns,
-        "agent_steps": acted,
+        "agent_steps": sum(row["length"] for row in rows),
         "errors": broken,
     }
 
 
 class _Counting:
-    """A cast that counts the decisions of each agent, and digests what the first ones are shown.
+    """A joint policy that counts the decisions of each agent, and digests what the first are given.
 
     That is what a reset gives: of a Parallel environment to all agents, of an AEC environment to
     the first in turn, since what others are shown first hangs on its action.
     """
 
-    def __init__(self, cast: Any, api: str) -> None:
-        self._cast, self._is_parallel, self.counts = cast, api == "parallel", dict[str, int]()
+    def __init__(self, joint_policy: Any, api: str) -> None:
+        self._joint_policy, self._is_parallel, self.counts = (
+            joint_policy,
+            api == "parallel",
+            dict[str, int](),
+        )
         self._first, self._is_open = blake2b(digest_size=8), True
 
     def begin(self, run_seed: int, episode: int) -> None:
         self.counts = {}
         self._first, self._is_open = blake2b(digest_size=8), True
-        self._cast.begin(run_seed, episode)
+        self._joint_policy.begin(run_seed, episode)
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         name = agent_name(agent)
@@ -190,7 +200,7 @@ class _Counting:
             self._first.update(name.encode("utf-8", "surrogatepass"))
             _add(self._first, observation)
         self.counts[name] = self.counts.get(name, 0) + 1
-        return self._cast.act(agent, observation, info)
+        return self._joint_policy.act(agent, observation, info)
 
     @property
     def reset(self) -> str | None:

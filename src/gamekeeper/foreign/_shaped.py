@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from gamekeeper.errors import SpecError
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.distributions import distrust_module
 from gamekeeper.interface.env_source import Source
 from gamekeeper.interface.modules import split_file
@@ -30,10 +30,10 @@ def source_of_shape(
         registered: the factory and its module, where the text is an id of a registry.
     """
     if registered is None:
-        factory, module, facts = named.factory_named(text)
+        factory, module, facts = foreign_openers.factory_named(text)
     else:
         factory, module = registered
-        facts = named.package_fact(module)
+        facts = foreign_openers.package_fact(module)
 
     def build(**kwargs: Any) -> Any:
         env = factory(**kwargs)
@@ -50,14 +50,14 @@ def source_of_shape(
 
     accepts = factory if registered is None else None
     pip = module.partition(".")[0]
-    return named.source(word, text, build, accepts=accepts, pip=pip, facts=facts)
+    return foreign_openers.source(word, text, build, accepts=accepts, pip=pip, facts=facts)
 
 
 def distrust_named(word: str) -> Callable[[str], str | None]:
     """`distrust` of an opener behind whose word a file or a module stands: it may run any code."""
 
     def distrust(spec: str) -> str | None:
-        text = named.rest(spec, word) or ""
+        text = foreign_openers.rest(spec, word) or ""
         if split_file(text) is not None:
             return f"{text} is a file outside the installed packages"
         return distrust_module(text.partition(":")[0], "env")

@@ -22,7 +22,7 @@ from gamekeeper.foreign._guest import (
     wrong_shape,
 )
 from gamekeeper.foreign._spaces import as_gymnasium, idle, several
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.env_source import Source
 from gamekeeper.interface.old_gym import TRUNCATED
 
@@ -141,8 +141,8 @@ def _parameters(call: Any) -> frozenset[str]:
 
 WORD: Final = "gym"
 SYNTAX: Final = "gym:module:factory, or gym:module:Id-v0"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
 distrust: Final = _shaped.distrust_named(WORD)
 
 
@@ -151,8 +151,8 @@ NAMES: Final = ("reset", "step", "action_space", "observation_space")
 
 def locate(spec: str, api: str | None) -> Source:
     """The factory of a module or file, or what the old Gym's registry has under an id."""
-    text = named.rest(spec, WORD) or ""
-    found = named.ID.fullmatch(text)
+    text = foreign_openers.rest(spec, WORD) or ""
+    found = foreign_openers.ID.fullmatch(text)
     registered = None if found is None else _registered(found["module"], found["id"])
     return _shaped.source_of_shape(
         text, word=WORD, family="the old Gym", names=NAMES, wrap=OldGym, registered=registered
@@ -161,13 +161,13 @@ def locate(spec: str, api: str | None) -> Source:
 
 def _registered(module: str | None, env_id: str) -> tuple[Callable[..., Any], str]:
     """The factory of an id, and the module that registers it."""
-    gym = named.need("gym")
+    gym = foreign_openers.need("gym")
     if module is not None:
-        named.need(module, here=True)
+        foreign_openers.need(module, here=True)
     registry = gym.envs.registration.registry
     known = sorted(getattr(registry, "env_specs", registry))
     if env_id not in known:
-        raise named.unknown(env_id, "the old Gym", known)
+        raise foreign_openers.unknown(env_id, "the old Gym", known)
     make = functools.partial(gym.make, env_id)
     if "disable_env_checker" in gym.make.__code__.co_varnames:
         # Gym 0.26 checks with names that NumPy 2 no longer has.

@@ -19,7 +19,7 @@ from gamekeeper.foreign._guest import (
     rewards,
 )
 from gamekeeper.foreign._spaces import Space, as_gymnasium, idle, several
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.distributions import distrust_module
 from gamekeeper.interface.env_source import Source
 from gamekeeper.interface.modules import split_file
@@ -155,20 +155,20 @@ ORDER: Final = 5
 
 def matches(spec: object) -> bool:
     """Tells whether it begins with `gymnasium:`, or is a Gymnasium environment already."""
-    return isinstance(spec, gymnasium.Env) or named.rest(spec, WORD) is not None
+    return isinstance(spec, gymnasium.Env) or foreign_openers.rest(spec, WORD) is not None
 
 
 def locate(spec: Any, api: str | None) -> Source:
     """The registered environment, the factory of a module or file, or the object itself."""
     if isinstance(spec, gymnasium.Env):
         return _of_object(spec)
-    text = named.rest(spec, WORD) or ""
-    found = named.ID.fullmatch(text)
+    text = foreign_openers.rest(spec, WORD) or ""
+    found = foreign_openers.ID.fullmatch(text)
     if found is not None:
         return source_of_id(found["module"], found["id"], f"{WORD}:{text}")
     if ":" in text or split_file(text) is not None:
-        factory, module, facts = named.factory_named(text)
-        return named.source(
+        factory, module, facts = foreign_openers.factory_named(text)
+        return foreign_openers.source(
             WORD,
             text,
             functools.wraps(factory, updated=())(_hosted(factory, text)),
@@ -176,15 +176,15 @@ def locate(spec: Any, api: str | None) -> Source:
             pip=module.partition(".")[0],
             facts=facts,
         )
-    raise named.unknown(text, "Gymnasium", sorted(gymnasium.registry))
+    raise foreign_openers.unknown(text, "Gymnasium", sorted(gymnasium.registry))
 
 
 def distrust(spec: object) -> str | None:
     """None for an id that is registered already; of a module what is said of any module."""
     if isinstance(spec, gymnasium.Env):
         return "it was recorded from an object in memory, which no text can build again"
-    text = named.rest(spec, WORD) or ""
-    found = named.ID.fullmatch(text)
+    text = foreign_openers.rest(spec, WORD) or ""
+    found = foreign_openers.ID.fullmatch(text)
     if found is not None and found["module"] is None:
         return None if found["id"] in gymnasium.registry else f"{text} isn't registered"
     if found is None and split_file(text) is not None:
@@ -200,11 +200,11 @@ def source_of_id(module: str | None, env_id: str, shown: str) -> Source:
         SpecError: nothing is registered under the id.
     """
     if module is not None:
-        named.need(module, here=True)
+        foreign_openers.need(module, here=True)
     try:
         entry = gymnasium.spec(env_id)
     except gymnasium.error.Error as error:
-        missing = named.unknown(env_id, "Gymnasium", sorted(gymnasium.registry))
+        missing = foreign_openers.unknown(env_id, "Gymnasium", sorted(gymnasium.registry))
         raise SpecError(
             missing.what,
             where=shown,
@@ -222,7 +222,7 @@ def source_of_id(module: str | None, env_id: str, shown: str) -> Source:
         spec=shown,
         entry_point=shown,
         pip=f"pip install {(module or home).partition('.')[0]}",
-        facts=named.package_fact(module or home),
+        facts=foreign_openers.package_fact(module or home),
     )
 
 
@@ -254,5 +254,5 @@ def _of_object(env: Any) -> Source:
         entry_point=name,
         accepts=kind,
         is_single=True,
-        facts=named.package_fact(kind.__module__),
+        facts=foreign_openers.package_fact(kind.__module__),
     )

@@ -3,7 +3,7 @@
 from typing import Final
 
 from gamekeeper.foreign.gymnasium import source_of_id
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.distributions import distrust_module
 from gamekeeper.interface.env_source import Source
 
@@ -13,8 +13,12 @@ ORDER: Final = 80
 
 def matches(spec: object) -> bool:
     """Tells whether it is `module:Id-v0`, and the module isn't the word of another opener."""
-    found = named.ID.fullmatch(spec) if isinstance(spec, str) else None
-    return found is not None and bool(found["module"]) and found["module"] not in named.words()
+    found = foreign_openers.ID.fullmatch(spec) if isinstance(spec, str) else None
+    return (
+        found is not None
+        and bool(found["module"])
+        and found["module"] not in foreign_openers.words()
+    )
 
 
 def locate(spec: str, api: str | None) -> Source:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gamekeeper.foreign._guest import ALL, MASK, ForeignEnv, ForeignStep, Given, limit_of
 from gamekeeper.foreign._spaces import Space, as_gymnasium
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.env_source import Source
 
 
@@ -129,20 +129,20 @@ def _space(ask: Callable[..., Any], agent: object) -> Space:
 
 WORD: Final = "jaxmarl"
 SYNTAX: Final = "jaxmarl:MPE_simple_spread_v3"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
-distrust: Final = named.distrust_packages(WORD)
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
+distrust: Final = foreign_openers.distrust_packages(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
     """The environment that `jaxmarl.make` knows under the name, with its keyword arguments."""
-    name = named.rest(spec, WORD) or ""
-    package = named.need(WORD)
+    name = foreign_openers.rest(spec, WORD) or ""
+    package = foreign_openers.need(WORD)
     known = list(getattr(package, "registered_envs", ()))
     if known and name not in known:
-        raise named.unknown(name, "JaxMARL", known)
+        raise foreign_openers.unknown(name, "JaxMARL", known)
 
     def build(**kwargs: Any) -> JaxMarl:
-        return JaxMarl(package.make(name, **kwargs), named.need("jax"), name=name)
+        return JaxMarl(package.make(name, **kwargs), foreign_openers.need("jax"), name=name)
 
-    return named.source(WORD, name, build)
+    return foreign_openers.source(WORD, name, build)

@@ -12,7 +12,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.foreign._guest import MASK, ForeignEnv, ForeignStep, Given, limit_of, numbered
 from gamekeeper.foreign._spaces import Space, box
 from gamekeeper.foreign.jaxmarl import key_of, numpy_of
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.env_source import Source
 
 BOARD: Final = "grid"
@@ -166,20 +166,20 @@ def _as_arrays(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 WORD: Final = "jumanji"
 SYNTAX: Final = "jumanji:RobotWarehouse-v0"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
-distrust: Final = named.distrust_packages(WORD)
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
+distrust: Final = foreign_openers.distrust_packages(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
     """The environment that `jumanji.make` knows under the id, with its keyword arguments."""
-    name = named.rest(spec, WORD) or ""
-    package = named.need(WORD)
+    name = foreign_openers.rest(spec, WORD) or ""
+    package = foreign_openers.need(WORD)
     known = list(package.registered_environments())
     if name not in known:
-        raise named.unknown(name, "Jumanji", known)
+        raise foreign_openers.unknown(name, "Jumanji", known)
 
     def build(**kwargs: Any) -> Jumanji:
-        return Jumanji(package.make(name, **kwargs), named.need("jax"), name=name)
+        return Jumanji(package.make(name, **kwargs), foreign_openers.need("jax"), name=name)
 
-    return named.source(WORD, name, build)
+    return foreign_openers.source(WORD, name, build)

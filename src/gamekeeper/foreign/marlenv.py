@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gamekeeper.foreign import _shaped
 from gamekeeper.foreign._guest import MASK, TEAM, ForeignEnv, ForeignStep, Given, numbered
 from gamekeeper.foreign._spaces import Space, box
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.env_source import Source
 
 
@@ -116,8 +116,8 @@ def _action_space(env: Any) -> Space:
 
 WORD: Final = "marlenv"
 SYNTAX: Final = "marlenv:path/to/file.py:factory"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
 distrust: Final = _shaped.distrust_named(WORD)
 
 NAMES: Final = ("n_agents", "observation_shape", "available_actions", "reset", "step")
@@ -125,5 +125,5 @@ NAMES: Final = ("n_agents", "observation_shape", "available_actions", "reset", "
 
 def locate(spec: str, api: str | None) -> Source:
     """The factory of a module or file."""
-    text = named.rest(spec, WORD) or ""
+    text = foreign_openers.rest(spec, WORD) or ""
     return _shaped.source_of_shape(text, word=WORD, family="marlenv", names=NAMES, wrap=MarlEnv)

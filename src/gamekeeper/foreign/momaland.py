@@ -13,7 +13,7 @@ from pettingzoo import AECEnv, ParallelEnv
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import RewardTerm
 from gamekeeper.errors import EnvError, SpecError
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.construction import find_factory
 from gamekeeper.interface.contract_draft import draft_contract
 from gamekeeper.interface.env_source import Source, api_of
@@ -188,9 +188,9 @@ class ScalarisedTurns(_Weighted, AECEnv[Any, Any, Any]):
 
 WORD: Final = "momaland"
 SYNTAX: Final = "momaland:mobeach_v0"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
-distrust: Final = named.distrust_packages(WORD)
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
+distrust: Final = foreign_openers.distrust_packages(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -199,15 +199,15 @@ def locate(spec: str, api: str | None) -> Source:
     `objectives` names the components of its reward, in order (else `objective_0`, ...); `weights`
     are those by which they are summed (else 1 each).
     """
-    name = named.rest(spec, WORD) or ""
-    envs = named.need(f"{WORD}.envs")
+    name = foreign_openers.rest(spec, WORD) or ""
+    envs = foreign_openers.need(f"{WORD}.envs")
     homes = {
         info.name.rpartition(".")[2]: info.name
         for info in pkgutil.walk_packages(envs.__path__, f"{envs.__name__}.", onerror=_passed_over)
         if info.name.rpartition("_v")[2].isdigit()
     }
     if name not in homes:
-        raise named.unknown(name, "MOMAland", list(homes))
+        raise foreign_openers.unknown(name, "MOMAland", list(homes))
     module = importlib.import_module(homes[name])
     factory = find_factory(module, None, api, where=homes[name]).factory
 
@@ -221,7 +221,7 @@ def locate(spec: str, api: str | None) -> Source:
         kind = Scalarised if api_of(env) == "parallel" else ScalarisedTurns
         return kind(env, objectives, weights)
 
-    return named.source(WORD, name, build)
+    return foreign_openers.source(WORD, name, build)
 
 
 def _passed_over(package: str) -> None:

@@ -3,23 +3,23 @@
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.env_source import Source
 
 WORD: Final = "openspiel"
 SYNTAX: Final = "openspiel:tic_tac_toe"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
-distrust: Final = named.distrust_packages("pyspiel", "shimmy")
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
+distrust: Final = foreign_openers.distrust_packages("pyspiel", "shimmy")
 
 
 def locate(spec: str, api: str | None) -> Source:
     """The game under its short name; keyword arguments are the game's own parameters."""
-    name = named.rest(spec, WORD) or ""
-    spiel = named.need("pyspiel")
-    shimmy = named.need("shimmy.openspiel_compatibility")
+    name = foreign_openers.rest(spec, WORD) or ""
+    spiel = foreign_openers.need("pyspiel")
+    shimmy = foreign_openers.need("shimmy.openspiel_compatibility")
     if name not in spiel.registered_names():
-        raise named.unknown(name, "OpenSpiel", list(spiel.registered_names()))
+        raise foreign_openers.unknown(name, "OpenSpiel", list(spiel.registered_names()))
 
     def build(**kwargs: Any) -> object:
         _refuse(spiel, name, kwargs)
@@ -27,13 +27,13 @@ def locate(spec: str, api: str | None) -> Source:
         env.metadata = {**env.metadata, "name": name}
         return env
 
-    return named.source(
+    return foreign_openers.source(
         WORD,
         name,
         build,
         default_api="aec",
         pip="shimmy open-spiel",
-        facts=named.package_fact("pyspiel"),
+        facts=foreign_openers.package_fact("pyspiel"),
     )
 
 

@@ -8,7 +8,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.foreign._guest import TIME_LIMIT, ForeignStep, Given, dealt, infos
 from gamekeeper.foreign._spaces import as_gymnasium
 from gamekeeper.foreign.gymnasium import SeveralAgents
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.env_source import Source
 
 
@@ -64,9 +64,9 @@ class Pogema(SeveralAgents):
 
 WORD: Final = "pogema"
 SYNTAX: Final = "pogema:pogema_v0"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
-distrust: Final = named.distrust_packages(WORD)
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
+distrust: Final = foreign_openers.distrust_packages(WORD)
 
 NAMES: Final = ("pogema_v0",)
 KINDS: Final = {"finish": "Pogema", "nothing": "PogemaCoopFinish", "restart": "PogemaLifeLong"}
@@ -79,10 +79,10 @@ def locate(spec: str, api: str | None) -> Source:
     POGEMA's own lists are opened: its environment, and its factory, ask Gymnasium for a way
     through wrappers that Gymnasium 1.0 took away.
     """
-    name = named.rest(spec, WORD) or ""
-    package, envs = named.need(WORD), named.need(f"{WORD}.envs")
+    name = foreign_openers.rest(spec, WORD) or ""
+    package, envs = foreign_openers.need(WORD), foreign_openers.need(f"{WORD}.envs")
     if name not in NAMES:
-        raise named.unknown(name, "POGEMA", list(NAMES))
+        raise foreign_openers.unknown(name, "POGEMA", list(NAMES))
 
     def build(**kwargs: Any) -> Pogema:
         grid = package.GridConfig(**kwargs)
@@ -97,4 +97,4 @@ def locate(spec: str, api: str | None) -> Source:
             )
         return Pogema(getattr(envs, kind)(grid_config=grid), name=name)
 
-    return named.source(WORD, name, build, accepts=package.GridConfig)
+    return foreign_openers.source(WORD, name, build, accepts=package.GridConfig)

@@ -19,7 +19,7 @@ from gamekeeper.foreign._guest import (
     rewards,
     wrong_shape,
 )
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.env_source import Source
 
 LIMITED = "episode_limit"
@@ -127,8 +127,8 @@ def _takes_one(seed: Any) -> bool:
 
 WORD: Final = "pymarl"
 SYNTAX: Final = "pymarl:smacv2.env:StarCraft2Env"
-ORDER: Final = named.ORDER
-matches: Final = named.begins_with(WORD)
+ORDER: Final = foreign_openers.ORDER
+matches: Final = foreign_openers.begins_with(WORD)
 distrust: Final = _shaped.distrust_named(WORD)
 
 NAMES: Final = ("get_env_info", "get_obs", "get_avail_actions", "reset", "step")
@@ -136,5 +136,5 @@ NAMES: Final = ("get_env_info", "get_obs", "get_avail_actions", "reset", "step")
 
 def locate(spec: str, api: str | None) -> Source:
     """The factory of a module or file."""
-    text = named.rest(spec, WORD) or ""
+    text = foreign_openers.rest(spec, WORD) or ""
     return _shaped.source_of_shape(text, word=WORD, family="PyMARL", names=NAMES, wrap=PyMarl)

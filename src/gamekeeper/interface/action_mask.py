@@ -1,7 +1,5 @@
 """Action masks: their place in an observation or info, and their reading."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeAlias, cast
 

@@ -4,8 +4,6 @@ A turn is usual where no agent has ended, no value is undeclared and it is no wi
 are taken down as at every level, but for observations and infos of rows that are no witnesses.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping
 from itertools import repeat

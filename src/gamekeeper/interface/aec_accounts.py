@@ -1,7 +1,5 @@
 """Reading the books of an AEC environment: where they are kept, whom they pay."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Mapping
 from itertools import compress, repeat
 from operator import ne

@@ -8,8 +8,6 @@ Roster and flags are compared whole at each turn, but by functions in C: nothing
 agents in Python. Where the books are ours, they say whom a step touched: nothing is compared.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import filterfalse
 from time import perf_counter_ns

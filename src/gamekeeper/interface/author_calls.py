@@ -4,8 +4,6 @@ The same four verbs serve environments of both APIs. They keep the public dictio
 note who was touched, so that nobody has to look at every agent to find out what a step did.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final

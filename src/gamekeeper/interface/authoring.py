@@ -5,8 +5,6 @@ refuse to be called before a reset, and where there is a `mask` it goes into inf
 observations. At a turn nothing is looked up that the class hasn't got.
 """
 
-from __future__ import annotations
-
 import copy
 import pickle
 import re
@@ -26,9 +24,9 @@ from gamekeeper.contract import Contract, Ending, Schedule
 from gamekeeper.errors import ActionError, ContractError, SpecError
 from gamekeeper.interface.author_calls import HORIZON, AuthorCalls, before_reset
 from gamekeeper.interface.casting import Cast, CastError, Casts, cast_to, own
-from gamekeeper.interface.found_again import kept_arguments
 from gamekeeper.interface.legality import copied, judge, refused, tidy_mask
-from gamekeeper.interface.said_in_rules import named_in
+from gamekeeper.interface.names_in_source import named_in
+from gamekeeper.interface.object_source import kept_arguments
 from gamekeeper.randomness.stream import Stream
 
 ROOM: Final = "gamekeeper.interface"

@@ -15,8 +15,6 @@ What no other module needs has two underscores: subclasses are strangers' code, 
 silent. Names with one are reserved (`game.reserved`): a TurnEnv that takes one is refused.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator
 from typing import Any

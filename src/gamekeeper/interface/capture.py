@@ -9,8 +9,6 @@ Ctrl-C may come between any two lines of ours. So only whole turns go onto the b
 still to be booked after a step stands in `_half` until it is: whoever comes next books it.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from threading import Lock
@@ -129,7 +127,7 @@ class Capture:
                 space = space_of(agent)
         except KeyboardInterrupt:
             raise
-        except BaseException:  # an agent nobody declared has no space: its values are kept as odd
+        except BaseException:  # an agent nobody declared has no space: its values are nonconforming
             return None
         if not isinstance(space, Space):
             return None

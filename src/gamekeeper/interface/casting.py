@@ -5,8 +5,6 @@ nothing else about it is looked at, bounds included (the audit does, GK213). Any
 converted only where nothing is lost: as numbers, both are equal.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeAlias

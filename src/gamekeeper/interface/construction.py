@@ -1,7 +1,5 @@
 """Running foreign code to find and build environments: prints to stderr, failures told in full."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 import difflib

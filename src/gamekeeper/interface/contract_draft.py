@@ -1,7 +1,5 @@
 """Drafts of contracts: what can be seen of an environment without stepping it, and no more."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping

@@ -1,7 +1,5 @@
 """Conversions between PettingZoo's two APIs: one agent after the other, or all at once."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from pettingzoo import AECEnv, ParallelEnv

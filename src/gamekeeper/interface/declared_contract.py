@@ -1,7 +1,5 @@
 """The contract that an environment comes with, or that its user hands over."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike

@@ -1,7 +1,5 @@
 """Installed distributions: the one that a module belongs to, found without importing it."""
 
-from __future__ import annotations
-
 import importlib.util
 import inspect
 import json

@@ -1,7 +1,5 @@
 """Attributes and calls that every conversion hands on to the environment inside it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from gymnasium.spaces import Space

@@ -1,7 +1,5 @@
 """Random generators of an environment: found, and compared before and after a call."""
 
-from __future__ import annotations
-
 import gc
 import random
 from collections import deque

@@ -1,7 +1,5 @@
 """Identity of an environment, as evidence keeps it so that another process can open it."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import json

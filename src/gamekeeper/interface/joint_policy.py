@@ -1,4 +1,4 @@
-"""The cast of a game: which policy plays which agent, and with which random stream."""
+"""A joint policy: which policy plays which agent, and with which random stream."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def assign(
     noop: Callable[[Any], Any] | None = None,
     mask_at: Callable[[Any], str | None] | None = None,
 ) -> JointPolicy:
-    """A cast for an environment, settled from a user's choices.
+    """A joint policy for an environment, settled from a user's choices.
 
     An agent's own choice goes before its role's, that before `*`; nobody's choice is `random`.
 
@@ -75,7 +75,7 @@ def assign(
             role for a in agents if (role := role_of(a))
         }
         _check_known(chosen, known | set(role_names))
-    cast = JointPolicy(
+    joint_policy = JointPolicy(
         chosen,
         apart=_apart(policies, chosen),
         action_space=action_space,
@@ -84,10 +84,10 @@ def assign(
         mask_at=mask_at or (lambda agent: None),
     )
     for agent in agents:
-        check = getattr(cast.chosen_for(agent).policy, "check", None)
+        check = getattr(joint_policy.chosen_for(agent).policy, "check", None)
         if callable(check):
             check(agent, role_of(agent), noop_of(agent))
-    return cast
+    return joint_policy
 
 
 def _resolved(policies: Choices) -> dict[str, Chosen]:
@@ -118,7 +118,7 @@ def _resolved(policies: Choices) -> dict[str, Chosen]:
 def _apart(policies: Choices, chosen: Mapping[str, Chosen]) -> frozenset[str]:
     """The places whose agents have an object each: named by a text, and not shared by `same:`.
 
-    Each has a copy: what its module holds stays as it was, so that each cast begins alike.
+    Each has a copy: what its module holds stays as it was, so that each joint policy begins alike.
 
     A function is one for all, and so is what can't be copied, a Python object that was handed in,
     and a trainer's model without a `reset`.

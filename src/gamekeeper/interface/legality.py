@@ -6,8 +6,6 @@ Tuple and Dict spaces. Anything else in the form of numbers is brought into it o
 policies, observations and the check of the next action all read the same mask.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 

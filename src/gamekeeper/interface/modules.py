@@ -1,7 +1,5 @@
 """Loading a module by its name or a file by its path, with the folders it counts on."""
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import functools
@@ -27,7 +25,7 @@ from gamekeeper.interface.construction import (
     nearest,
 )
 from gamekeeper.interface.env_source import NotHereError
-from gamekeeper.interface.found_again import FILE_MODULE
+from gamekeeper.interface.object_source import FILE_MODULE
 
 _FILE_FORM: Final = re.compile(r"(.+?\.py)(?::([^:/\\]+))?", re.DOTALL)
 

@@ -1,7 +1,5 @@
 """From what a user names to a live environment, and whether evidence may name it."""
 
-from __future__ import annotations
-
 import json
 import weakref
 from collections.abc import Callable, Iterable, Mapping

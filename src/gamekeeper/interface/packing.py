@@ -1,6 +1,4 @@
-"""Packing of observations, actions, infos and odd values on their way to the buffer."""
-
-from __future__ import annotations
+"""Packing of observations, actions, infos and nonconforming values on their way to the buffer."""
 
 import marshal
 import time

@@ -1,7 +1,5 @@
 """The capture of a Parallel environment: a turn is a tick, a row for every live agent."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping
 from itertools import repeat
@@ -260,7 +258,7 @@ class ParallelCapture(Capture):
     # -- rows: what was done, what that paid
 
     def _moves(self, actions: Any) -> list[Move]:
-        """Order, packed action and odd part for every row that waits, before the step.
+        """Order, packed action and nonconforming part for every row that waits, before the step.
 
         Who acts without having been given anything gets a row too.
         """

@@ -1,7 +1,5 @@
 """Policies by what a user names: a word, a callable in a module or a file, a callable."""
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import inspect

@@ -1,7 +1,5 @@
 """AECEnv and ParallelEnv over a capture: recorded, and stepped like the environment itself."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Final

@@ -1,7 +1,5 @@
 """PettingZoo's two registries, with ours in them, as the openers of ids read them."""
 
-from __future__ import annotations
-
 import difflib
 import functools
 import importlib

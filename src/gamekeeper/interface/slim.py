@@ -5,8 +5,6 @@ converter that computes an observation for each agent-step and drops it. Here on
 the raw rules in their place, with the same promises and the same rows.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,7 +16,7 @@ from pettingzoo.utils.conversions import aec_to_parallel_wrapper, parallel_to_ae
 from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.interface.author_calls import AgentId
-from gamekeeper.interface.found_again import FILE_MODULE
+from gamekeeper.interface.object_source import FILE_MODULE
 from gamekeeper.interface.slim_aec import CLIP, REFUSE, Promises, SlimAEC, bounded
 from gamekeeper.interface.to_aec import ToAEC
 from gamekeeper.interface.to_parallel import Step, ToParallel, Totals

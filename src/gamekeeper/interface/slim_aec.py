@@ -1,7 +1,5 @@
 """One wrapper in the place of the wrappers that AEC environments ship in."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final

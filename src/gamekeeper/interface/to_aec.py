@@ -1,7 +1,5 @@
 """From all agents at once to one after the other: Parallel environments behind AEC."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 

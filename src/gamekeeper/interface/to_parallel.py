@@ -1,7 +1,5 @@
 """From one agent after the other to all at once: AEC environments behind the Parallel API."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from operator import add
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """`TurnEnv`: an AEC environment of which the author writes the rules alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -4,8 +4,6 @@
 `kernel_env` gives one copy as PettingZoo has it, `Batch` many in arrays.
 """
 
-from __future__ import annotations
-
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.batch import Batch
 from gamekeeper.kernels.kernel import Kernel

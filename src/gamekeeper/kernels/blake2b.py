@@ -5,8 +5,6 @@ Eight messages go side by side, so that the processor's wide registers hold a wo
 Source: RFC 7693.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from hashlib import blake2b
 from typing import Any, Final

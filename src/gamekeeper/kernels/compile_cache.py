@@ -1,7 +1,5 @@
 """Digest of all that compiled code depends on, and the compiled code on disk."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import pickle

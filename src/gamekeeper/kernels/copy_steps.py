@@ -1,7 +1,5 @@
 """The driver of kernels in which all agents act at once."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from gamekeeper.kernels.rule_parts import HORIZON, UNNAMED, Parts

@@ -1,7 +1,5 @@
 """A batch of copies of one kernel on a CUDA device."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import numpy as np

@@ -8,8 +8,6 @@ bits they have elsewhere; functions as `math.sin` are the device's own, good to 
 last place.
 """
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Callable, Iterator

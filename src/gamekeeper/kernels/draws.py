@@ -3,8 +3,6 @@
 The same words, in the same order, as `gamekeeper.randomness.stream.Stream(seed)` gives.
 """
 
-from __future__ import annotations
-
 import types
 from typing import Any, Final
 

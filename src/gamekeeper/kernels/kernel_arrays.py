@@ -1,7 +1,5 @@
 """The arrays that a driver works on: what copies of a kernel show, are told and are paid."""
 
-from __future__ import annotations
-
 from collections import namedtuple
 from collections.abc import Callable
 from functools import cache

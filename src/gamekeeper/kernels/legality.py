@@ -1,7 +1,5 @@
 """Actions are looked at before any rule indexes by them: compiled rules check nothing."""
 
-from __future__ import annotations
-
 from typing import Any, NoReturn
 
 import numpy as np

@@ -6,8 +6,6 @@ own memory so that the same number of all threads stands in one line, or keeps i
 what a step reads and writes again and again is copied there, as words of up to 16 bytes, and back.
 """
 
-from __future__ import annotations
-
 from math import gcd
 from typing import Any, Final
 

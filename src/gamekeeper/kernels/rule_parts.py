@@ -1,7 +1,5 @@
 """A kernel's rules in the form in which drivers call them: one signature, compiled or plain."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

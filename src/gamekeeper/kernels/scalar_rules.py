@@ -4,8 +4,6 @@ The very same function is both. Compiled, it is Numba's; `as_python` gives its p
 counterpart, with every rule that it calls, for breakpoints and for comparison.
 """
 
-from __future__ import annotations
-
 import sys
 import types
 from collections.abc import Callable

@@ -7,8 +7,6 @@ So CPython, a compiler and a GPU agree, provided that the compiler neither reass
 contracts `a * b + c` into one operation (Numba: no `fastmath`; CUDA: `fma=False`).
 """
 
-from __future__ import annotations
-
 from math import frexp, sqrt
 from typing import Final
 

@@ -5,8 +5,6 @@ without a new format version. Nothing depends on the number of workers, on the o
 or episodes are visited, on the platform or on the hash seed.
 """
 
-from __future__ import annotations
-
 from hashlib import blake2b
 from operator import index
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """An attribution as text: what the recorded run shows, and what replaced agents and actions do."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 

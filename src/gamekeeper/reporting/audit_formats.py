@@ -3,8 +3,6 @@
 Source: the schema that Jenkins and GitLab read, https://github.com/testmoapp/junitxml.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence

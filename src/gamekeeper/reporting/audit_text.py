@@ -3,8 +3,6 @@
 All functions take the audit's document, as `gamekeeper audit --json` prints it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """The card of an environment: its game form on one page, as text, TOML and JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby

@@ -1,7 +1,5 @@
 """Changes of a game between two versions of an environment, as plain text."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 

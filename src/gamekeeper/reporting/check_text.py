@@ -4,8 +4,6 @@ All functions take a check as plain data: `id`, `claim`, `about` (Markdown), `ne
 `confidence`, `fix`, `api`.
 """
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence

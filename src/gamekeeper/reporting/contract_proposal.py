@@ -6,8 +6,6 @@ taken away: an audit judges nothing by its own measurement. Asked is what only t
 what no seed can show, each with the reason why it matters.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tables with a row for each agent, where there are too many agents to read one after the other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from math import isfinite
 from statistics import median

@@ -1,7 +1,5 @@
 """A diagnosis on one screen: who, where it differs, what undoes it, how sure, what to try next."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """A diagnosis as text: the judged condition, the answer, the agents, and what was played for it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 

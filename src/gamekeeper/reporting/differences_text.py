@@ -1,7 +1,5 @@
 """Differences between a bad run and a good one as text: the least set first, then all of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final
 

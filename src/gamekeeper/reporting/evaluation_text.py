@@ -1,7 +1,5 @@
 """An evaluation as text: figures with their intervals, comparisons, columns, notes, claims."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -32,7 +30,7 @@ COLUMNS: Final = {
     "cut": "episodes that were stopped while agents were live, after most_turns steps",
     "failed": "episodes that an exception, or a reward that is NaN or infinite, ended",
     "mixed": "episodes in which agents ended in different ways",
-    "kind": "self: one policy in all seats; fixed: different policies; zero-shot: training runs of "
+    "kind": "self: one policy in all positions; fixed: different policies; zero-shot: runs of "
     "one method that never met in training",
     "p": "p-value of the difference, corrected for the number of comparisons (Holm); the "
     "interval beside it is not; a sign test where there is no interval",
@@ -328,11 +326,11 @@ def _profiles(rows: Sequence[Row], width: int) -> Iterator[str]:
 
 
 def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) -> Iterator[str]:
-    """Cells, then the best policies by seat, then both ways of sitting."""
+    """Cells, then the best policies by position, then both ways of sitting."""
     roles = found["roles"]
     yield f"Cross-play in {name}, return of {found['who']}"
     share = f"mean ({100 * level:g} % interval)"
-    cells = [(*roles, "kind", "episodes", share, "return by seat")]
+    cells = [(*roles, "kind", "episodes", share, "return by position")]
     for cell in found["cells"][:MOST_CELLS]:
         own = ", ".join(_number(cell["by_role"][role]) for role in roles)
         policies = (cell["roles"][role] for role in roles)

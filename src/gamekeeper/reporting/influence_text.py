@@ -1,7 +1,5 @@
 """Influence of agents on other agents as a table, for audits and attributions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Drafts of contracts with what an audit measured: proposals to take over, nothing declared."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The game form as an audit measured it, beside what the contract declares."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final

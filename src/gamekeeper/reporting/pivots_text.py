@@ -1,7 +1,5 @@
 """Pivots as text: for each failed episode its curve, its pivots, and actions that would keep it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Rows of a query as text: a table where it fits, else each row as a block."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 

@@ -34,25 +34,26 @@ MOST_COPIES: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
-class RecordedCourse:
+class RecordedEpisode:
     """An episode that was recorded, and what it takes to play it again.
 
     Attributes:
         env: a ParallelEnv or AECEnv; it is reset, and not closed.
-        cast: the policies; those that remember something see what they saw in the recording.
-        cast_seed: seed of the run.
+        joint_policy: the policies; those that remember something see what they saw in the
+            recording.
+        policy_seed: seed of the run.
         contract: names noops, masks and volatile infos.
         most_turns: a continuation is cut there.
-        is_own_cast: the policies are those of the recording, so that they choose as they did.
+        has_own_policies: the policies are those of the recording, so that they choose as they did.
     """
 
     plan: EpisodePlan
     env: Any
-    cast: JointPolicy
-    cast_seed: int
+    joint_policy: JointPolicy
+    policy_seed: int
     contract: Contract
     most_turns: int
-    is_own_cast: bool = False
+    has_own_policies: bool = False
 
     @property
     def actions(self) -> tuple[Actions, ...]:
@@ -104,8 +105,8 @@ class _StandingEpisode:
 
     def seek(self) -> list[Any]:
         """Looks for the generators, which may take longer than an episode."""
-        assert isinstance(self.episode.cast, JointPolicy)
-        held = (self.episode.capture.env, self.episode.cast.policies())
+        assert isinstance(self.episode.joint_policy, JointPolicy)
+        held = (self.episode.capture.env, self.episode.joint_policy.policies())
         return [*generators(held)][2:]  # the global ones are seeded by themselves
 
     def draw_anew(self, number: int, held: Mapping[AgentId, Any]) -> None:
@@ -114,29 +115,29 @@ class _StandingEpisode:
         Policies of agents whose action is held choose once more on the recorded draws, so that they
         remember what they did, and draw anew from then on.
         """
-        cast = self.episode.cast
-        assert isinstance(cast, JointPolicy)
+        joint_policy = self.episode.joint_policy
+        assert isinstance(joint_policy, JointPolicy)
         if self.generators is None:
             self.generators = self.seek()
         self.hooks.held = held
         if not held:
             seed_all(number)
             rekey(self.generators, number)
-            cast.draw_anew(number)
+            joint_policy.draw_anew(number)
             return
-        policies = [cast.chosen_for(agent).policy for agent in held]
+        policies = [joint_policy.chosen_for(agent).policy for agent in held]
         own = {id(each) for each in [*generators(policies)][2:]}
         later = [each for each in self.generators if id(each) in own]
         free = [agent for agent in self.episode.capture.to_move if agent not in held]
         if free:
             seed_all(number)
-        cast.draw_anew(number, without=held)
+        joint_policy.draw_anew(number, without=held)
         rekey([each for each in self.generators if id(each) not in own], number)
 
         def chosen() -> None:
             seed_all(number ^ 1)  # the same number again would repeat what the others drew
             rekey(later, number)
-            cast.draw_anew(number, without=free)
+            joint_policy.draw_anew(number, without=free)
 
         self.hooks.chosen_then = chosen
 
@@ -165,7 +166,7 @@ class Continuations:
 
     def __init__(
         self,
-        course: RecordedCourse,
+        base: RecordedEpisode,
         *,
         budget: int,
         copies: bool = True,
@@ -179,12 +180,12 @@ class Continuations:
         Raises:
             EvidenceError: what is played isn't the same at every time.
         """
-        self.course, self.budget, self.steps = course, budget, 0
+        self.base, self.budget, self.steps = base, budget, 0
         self._on_step = on_step
         self._standing: dict[int, _StandingEpisode] = {}
         self._marks: dict[int, Any] = {}
         self.by_copies, self.draws = False, False
-        self._shared = policy_memory.shared_state(course.cast.policies())
+        self._shared = policy_memory.shared_state(base.joint_policy.policies())
         self.recorded, self._chosen = self._whole()
         is_kept = self._is_kept()
         self.by_copies = copies and is_kept and self._copies_hold()
@@ -199,7 +200,7 @@ class Continuations:
     @property
     def turns(self) -> int:
         """Env steps of the recorded episode."""
-        return len(self.course.actions)
+        return len(self.base.actions)
 
     def play(
         self, turn: int, numbers: Iterable[int], *, held: Mapping[AgentId, Any] | None = None
@@ -301,9 +302,9 @@ class Continuations:
 
     def _begun(self, *, is_noting: bool = False, sink: Any = None) -> _StandingEpisode:
         """The episode before its reset; `sink` takes its rows."""
-        course = self.course
-        hooks = _RecordedActions(course.actions, is_noting=is_noting)
-        plan = replace(course.plan, actions=None, most_turns=course.most_turns)
+        base = self.base
+        hooks = _RecordedActions(base.actions, is_noting=is_noting)
+        plan = replace(base.plan, actions=None, most_turns=base.most_turns)
 
         def count() -> None:
             self.steps += 1
@@ -312,11 +313,11 @@ class Continuations:
 
         episode = TalliedEpisode(
             plan,
-            course.env,
+            base.env,
             hooks,
-            contract=course.contract,
-            cast=_own_cast(course.cast),
-            cast_seed=course.cast_seed,
+            contract=base.contract,
+            joint_policy=_own_policies(base.joint_policy),
+            policy_seed=base.policy_seed,
             on_step=count,
             sink=sink,
         )
@@ -335,7 +336,7 @@ class Continuations:
             self._lead(standing, turn)
             if len(kept) >= MOST_COPIES:
                 kept.pop(min(each for each in kept if each))
-            # all copies are made of one that the course's own environment doesn't move
+            # all copies are made of one that the base's own environment doesn't move
             kept[turn] = standing if before is not None else _copied(standing)
         return _copied(kept[turn])
 
@@ -349,8 +350,8 @@ class Continuations:
         if failed is not None or standing.episode.turns < turn or not is_same(mark, known):
             raise EvidenceError(
                 "an episode doesn't play twice in the same way",
-                where=f"episode {self.course.plan.stream}, turn {turn}",
-                actual="another course" if failed is None else f"{failed.kind}: {failed.text}",
+                where=f"episode {self.base.plan.stream}, turn {turn}",
+                actual="another base" if failed is None else f"{failed.kind}: {failed.text}",
                 fix="gamekeeper replay RUN looks for the cause",
             )
 
@@ -360,27 +361,27 @@ class Continuations:
         Raises:
             EvidenceError: they are the recorded ones, remember something, and chose otherwise.
         """
-        course, before = self.course, None
+        base, before = self.base, None
         with kept_global_generators():
             standing = self._begun()
             episode = standing.episode
-            assert isinstance(episode.cast, JointPolicy)
-            policies = episode.cast.policies()
+            assert isinstance(episode.joint_policy, JointPolicy)
+            policies = episode.joint_policy.policies()
             before = policy_memory.own_state(policies)
             episode.run(0)
             held = standing.seek()
             then = states(), [state_of(each) for each in held]
             episode.run(self.turns)
             now = states(), [state_of(each) for each in held]
-            self.draws = episode.cast.has_drawn or not is_same_state(then, now)
+            self.draws = episode.joint_policy.has_drawn or not is_same_state(then, now)
             is_same_memory = before == policy_memory.own_state(policies) and self._is_kept()
-        if course.is_own_cast and not is_same_memory:
-            self._check_choices(standing.hooks.chosen, course.actions)
+        if base.has_own_policies and not is_same_memory:
+            self._check_choices(standing.hooks.chosen, base.actions)
         return episode.outcome(), standing.hooks.chosen
 
     def _is_kept(self) -> bool:
         """Tells whether what policies keep outside themselves is shown to be as it was."""
-        now = policy_memory.shared_state(self.course.cast.policies())
+        now = policy_memory.shared_state(self.base.joint_policy.policies())
         return now is not None and now == self._shared
 
     def _check_choices(self, chosen: Sequence[Any], expected: Sequence[Any]) -> None:
@@ -395,7 +396,7 @@ class Continuations:
                 raise EvidenceError(
                     "a policy doesn't choose again what it chose, so what it remembers at a turn "
                     "isn't known",
-                    where=f"episode {self.course.plan.stream}, turn {turn}, {agents[0]}",
+                    where=f"episode {self.base.plan.stream}, turn {turn}, {agents[0]}",
                     expected=str(other.get(agents[0]))[:200],
                     actual=str(one[agents[0]])[:200],
                     fix="give the policy a `reset(seed)` that forgets the last episode, or keep "
@@ -426,12 +427,12 @@ class Continuations:
             yield each.episode.outcome(), each.hooks.notes, first
 
 
-def _own_cast(cast: JointPolicy) -> JointPolicy:
-    """Policies as they were at first; the cast itself where it can't be copied."""
+def _own_policies(joint_policy: JointPolicy) -> JointPolicy:
+    """Policies as they were at first; the joint policy itself where it can't be copied."""
     try:
-        return copy.deepcopy(cast)
+        return copy.deepcopy(joint_policy)
     except Exception:  # foreign code refuses in many ways
-        return cast
+        return joint_policy
 
 
 def _agree(one: Any, other: Any) -> bool:

@@ -36,7 +36,7 @@ class ActionChooser(Protocol):
 
 def play(
     capture: ParallelCapture | AECCapture,
-    cast: ActionChooser,
+    joint_policy: ActionChooser,
     episodes: Iterable[int],
     *,
     seed: int,
@@ -55,10 +55,10 @@ def play(
         after_episode: called after every episode with how many have been played.
     """
     for done, episode in enumerate(episodes, start=1):
-        cast.begin(seed, episode)
+        joint_policy.begin(seed, episode)
         capture.reset(episode_seed(seed, episode), options)
         for _ in range(most_turns):
-            if not step_chosen(capture, cast):
+            if not step_chosen(capture, joint_policy):
                 break
             if after_turn is not None:
                 after_turn()
@@ -67,22 +67,24 @@ def play(
             after_episode(done)
 
 
-def step_chosen(capture: ParallelCapture | AECCapture, cast: ActionChooser) -> bool:
+def step_chosen(capture: ParallelCapture | AECCapture, joint_policy: ActionChooser) -> bool:
     """Plays one turn as the policies choose; False, and nothing done, once the episode is over."""
     movers = capture.to_move
     if not movers:
         return False
     if isinstance(capture, ParallelCapture):
-        seen, infos, act = capture.observations, capture.infos, cast.act
+        seen, infos, act = capture.observations, capture.infos, joint_policy.act
         capture.step({agent: act(agent, seen.get(agent), infos.get(agent)) for agent in movers})
     else:
         observation, _, terminated, truncated, info = capture.last()
         agent = movers[0]
-        capture.step(None if terminated or truncated else cast.act(agent, observation, info))
+        capture.step(
+            None if terminated or truncated else joint_policy.act(agent, observation, info)
+        )
     return True
 
 
-# -- One episode, played by policies or by actions on paper, as it is or with one thing changed
+# -- One episode, played by policies or by a script, as it is or with one thing changed
 
 Actions = Mapping[AgentId, Any]
 """Actions of agents at one turn; in AEC that of the agent in turn, None where it has ended."""
@@ -103,7 +105,7 @@ class EpisodePlan:
         looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
         opening: states of generators and attributes, as a run has them; None: seed and options are
             all.
-        stand_ins: actions of live agents that a tick on paper leaves out, as in a play that was
+        stand_ins: actions of live agents that a scripted tick leaves out, as in a play that was
             shortened; those of ended agents are dropped then. None: a tick is played as it is.
     """
 
@@ -142,13 +144,13 @@ class EpisodeResult:
 
     Attributes:
         play: with the actions that were taken, so that it can be played again.
-        trace: its rows.
+        episode: its rows.
         failed: the call that raised, if one did.
         is_over: the episode ended by itself.
     """
 
     play: EpisodePlan
-    trace: Episode
+    episode: Episode
     failed: FailedCall | None
     is_over: bool
 
@@ -166,7 +168,7 @@ class EvidenceOptions:
 
     Attributes:
         terms: reward terms in place of the contract's.
-        label: the probe's name, for the trace's places.
+        label: the probe's name, for the episode's places.
         number: of the play in its probe.
         state: also keep `state()`.
     """
@@ -184,8 +186,8 @@ def perform(
     play: EpisodePlan,
     env: Any,
     *,
-    cast: ActionChooser | None = None,
-    cast_seed: int = 0,
+    joint_policy: ActionChooser | None = None,
+    policy_seed: int = 0,
     change: Intervention | None = None,
     contract: Contract | None = None,
     keep: EvidenceOptions = EVERYTHING,
@@ -195,9 +197,9 @@ def perform(
     """Plays one episode in `env` and returns what it came to, whatever the environment does.
 
     Args:
-        play: what to play; without actions `cast` chooses.
+        play: what to play; without actions `joint_policy` chooses.
         env: a ParallelEnv or AECEnv; it is reset, and not closed.
-        cast_seed: seeds the policies, together with `play.stream`.
+        policy_seed: seeds the policies, together with `play.stream`.
         change: the one thing done differently.
         contract: names the reward terms and the volatile infos.
         keep: what of it becomes evidence, and under which names.
@@ -211,24 +213,26 @@ def perform(
     capture = capture_of(env, sink=sink, state=keep.state)
     capture.episode = keep.number - 1
     hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
-    course = EpisodeLoop(play, capture, cast, hooks, watch, on_step or nothing, declared)
-    if cast is not None and play.actions is None:
-        cast.begin(cast_seed, play.stream)
+    loop = EpisodeLoop(play, capture, joint_policy, hooks, watch, on_step or nothing, declared)
+    if joint_policy is not None and play.actions is None:
+        joint_policy.begin(policy_seed, play.stream)
     try:
-        failed = course.run()
+        failed = loop.run()
     finally:
         hooks.after(env)
     capture.end_episode()
-    trace = sink.episode()
-    trace = replace(
-        trace,
-        header={**trace.header, "probe": keep.label},
+    episode = sink.episode()
+    episode = replace(
+        episode,
+        header={**episode.header, "probe": keep.label},
         change=None if change is None else change.to_json(),
     )
-    trace.keep_turns()
-    taken = tuple(course.taken)
+    episode.keep_turns()
+    taken = tuple(loop.taken)
     done = replace(play, actions=taken, most_turns=max(len(taken), 1), stand_ins=None)
-    return EpisodeResult(done, trace, failed, failed is None and trace.header.get("end") == "ended")
+    return EpisodeResult(
+        done, episode, failed, failed is None and episode.header.get("end") == "ended"
+    )
 
 
 class EpisodeLoop:
@@ -238,14 +242,14 @@ class EpisodeLoop:
         self,
         play: EpisodePlan,
         capture: Any,
-        cast: ActionChooser | None,
+        joint_policy: ActionChooser | None,
         hooks: Hooks,
         watch: StepHook | None,
         on_step: Callable[[], None],
         contract: Contract | None = None,
     ) -> None:
         self.taken: list[Actions] = []
-        self._play, self._capture, self._cast = play, capture, cast
+        self._play, self._capture, self._joint_policy = play, capture, joint_policy
         self._opening = Opening.from_text(play.opening)
         self._hooks, self._watch, self._on_step = hooks, watch, on_step
         self._is_parallel = isinstance(capture, ParallelCapture)
@@ -267,7 +271,7 @@ class EpisodeLoop:
             for turn in range(len(self.taken), turns if until is None else min(until, turns)):
                 if not self._capture.to_move:
                     break
-                if self._is_off_paper(turn):
+                if self._is_off_script(turn):
                     break
                 self._on_step()
                 self._turn(turn)
@@ -314,7 +318,7 @@ class EpisodeLoop:
             self._capture.step(action)
         self._look(turn + 1, out)
 
-    def _is_off_paper(self, turn: int) -> bool:
+    def _is_off_script(self, turn: int) -> bool:
         """Tells whether the plan has None, as for an ended agent, where a live one is in turn."""
         if self._is_parallel or self._play.actions is None:
             return False
@@ -343,11 +347,11 @@ class EpisodeLoop:
             for agent in movers:
                 self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
         if self._play.actions is not None:
-            paper, stand_ins = self._play.actions[turn], self._play.stand_ins
-            if stand_ins is not None and paper.keys() != set(movers):
-                known = {**stand_ins, **paper}
-                paper = {agent: known[agent] for agent in movers if agent in known}
-            return {agent: own_action(paper[agent]) for agent in paper}
+            script, stand_ins = self._play.actions[turn], self._play.stand_ins
+            if stand_ins is not None and script.keys() != set(movers):
+                known = {**stand_ins, **script}
+                script = {agent: known[agent] for agent in movers if agent in known}
+            return {agent: own_action(script[agent]) for agent in script}
         return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
 
     def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
@@ -357,16 +361,16 @@ class EpisodeLoop:
         if self._is_told and not (terminated or truncated):
             self._hooks.given(turn, agent, observation, info)
         if self._play.actions is not None:
-            paper = self._play.actions[turn]
-            return agent, own_action(next(iter(paper.values()), None))
+            script = self._play.actions[turn]
+            return agent, own_action(next(iter(script.values()), None))
         if terminated or truncated:
             return agent, None
         return agent, self._chosen(agent, self._hooks.sees(turn, agent, observation), info)
 
     def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
-        assert self._cast is not None, "a play without actions needs a cast"
+        assert self._joint_policy is not None, "a play without actions needs a joint policy"
         self._call = "policy"
-        return self._cast.act(agent, observation, info)
+        return self._joint_policy.act(agent, observation, info)
 
 
 def actions_of(played: Sequence[Actions]) -> tuple[Actions, ...]:

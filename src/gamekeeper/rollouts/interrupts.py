@@ -27,7 +27,7 @@ class HeldInterrupt:
             signal.signal(signal.SIGINT, self._note)
         return self
 
-    def __exit__(self, kind: object, error: object, trace: object) -> None:
+    def __exit__(self, kind: object, error: object, episode: object) -> None:
         if self._is_ours:
             signal.signal(signal.SIGINT, signal.default_int_handler)
             if self._was_pressed:

@@ -47,7 +47,7 @@ class Hooks:
     def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
         """Takes the observation and mask of a live agent that acts now; called before `acts`.
 
-        Also where the actions stand on paper. Only where `wants_given`.
+        Also where the actions are scripted. Only where `wants_given`.
         """
 
     def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:

@@ -16,48 +16,49 @@ from gamekeeper.interface.openings import Opening
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.rollouts.episode_loop import ActionChooser, Actions, EpisodePlan, step_chosen
 
-# -- The only experiment: play a trace again, as it was or with exactly one thing done differently
+# -- The only experiment: play an episode again, as it was or with exactly one thing done
+# differently
 
 _SCALAR: Final = re.compile(r"numpy\.((?:u?int|float)\d+|bool|bool_)")
 
 
-def play_of(trace: Episode, env: Any, types: Mapping[str, str] | None = None) -> EpisodePlan:
-    """The episode on paper: its seed, its options, its actions turn by turn, agents as `env` knows.
+def play_of(episode: Episode, env: Any, types: Mapping[str, str] | None = None) -> EpisodePlan:
+    """The episode as a script: seed, options, actions turn by turn, agents as `env` knows.
 
     Args:
-        types: of whole-number actions by agent, for a trace that doesn't name them.
+        types: of whole-number actions by agent, for an episode that doesn't name them.
     """
     known = {agent_name(agent): agent for agent in getattr(env, "possible_agents", ())}
-    types, played = trace.action_types or types or {}, env_steps(trace)
+    types, played = episode.action_types or types or {}, env_steps(episode)
     actions = tuple(
         {known.get(name, name): _action(turn, name, types) for name in turn.order}
-        for turn in trace.turns
+        for turn in episode.turns
         if turn.index < played
     )
-    cut = [turn for turn in trace.turns if turn.index >= played]
+    cut = [turn for turn in episode.turns if turn.index >= played]
     return EpisodePlan(
-        looks_last=any(_was_seen(turn, name, trace) for turn in cut for name in turn.agents),
-        seed=trace.seed,
-        stream=trace.episode,
+        looks_last=any(_was_seen(turn, name, episode) for turn in cut for name in turn.agents),
+        seed=episode.seed,
+        stream=episode.episode,
         actions=actions,
         most_turns=max(len(actions), 1),
-        options=trace.options,
-        opening=trace.header.get("opening"),
+        options=episode.options,
+        opening=episode.header.get("opening"),
     )
 
 
-def replay_trace(
-    trace: Episode,
+def replayed_episode(
+    episode: Episode,
     capture: ParallelCapture | AECCapture,
     *,
     agents: Mapping[str, Any],
     types: Mapping[str, str] | None = None,
-    cast: ActionChooser | None = None,
+    joint_policy: ActionChooser | None = None,
     run_seed: int | None = None,
     after_turn: Callable[[], None] | None = None,
     turns: Iterable[Turn] | None = None,
 ) -> None:
-    """Plays `trace` again in `capture`: its reset, its actions in their order.
+    """Plays `episode` again in `capture`: its reset, its actions in their order.
 
     An environment that raises where it raised before is taken at its word and played on; one that
     raises elsewhere ends the episode as failed. Whether the rows came out the same is for a
@@ -65,35 +66,35 @@ def replay_trace(
 
     Args:
         agents: the environment's own identity of each agent by its name in the evidence.
-        types: of whole-number actions by agent, for a trace that doesn't name them.
-        cast: policies that choose in place of the recorded actions (the loop is closed); open if
-            None.
+        types: of whole-number actions by agent, for an episode that doesn't name them.
+        joint_policy: policies that choose in place of the recorded actions (the loop is closed);
+            open if None.
         run_seed: seeds the policies of a closed loop.
-        turns: of the episode, where `trace` holds only the first of them; it names their number.
+        turns: of the episode, where `episode` holds only the first of them; it names their number.
     """
-    if cast is not None and run_seed is not None:
-        cast.begin(run_seed, trace.episode)
-    played, types = env_steps(trace), trace.action_types or types or {}
-    opening = Opening.from_text(trace.header.get("opening"))
+    if joint_policy is not None and run_seed is not None:
+        joint_policy.begin(run_seed, episode.episode)
+    played, types = env_steps(episode), episode.action_types or types or {}
+    opening = Opening.from_text(episode.header.get("opening"))
     opening.begin(capture.env, was_reset=capture.was_reset)
     try:
-        capture.reset(trace.seed, trace.options)
+        capture.reset(episode.seed, episode.options)
     except KeyboardInterrupt:
         raise
     except BaseException:  # it ended there as failed, and perhaps it did so before
         return
-    for turn in trace.turns if turns is None else turns:
+    for turn in episode.turns if turns is None else turns:
         if turn.index >= played or not capture.env.agents:
-            _look_once_more(capture, trace, turn)
+            _look_once_more(capture, episode, turn)
             break
-        if cast is not None and not capture.to_move:
+        if joint_policy is not None and not capture.to_move:
             break
         opening.set_at(turn.index, capture.env)
         try:
-            if cast is None:
-                _step(capture, trace, turn, agents=agents, types=types)
+            if joint_policy is None:
+                _step(capture, episode, turn, agents=agents, types=types)
             else:
-                step_chosen(capture, cast)
+                step_chosen(capture, joint_policy)
         except (PolicyError, EvidenceError, KeyboardInterrupt):  # not the environment's
             raise
         except BaseException:  # the rows tell; only a recorded raise is played on from
@@ -106,7 +107,7 @@ def replay_trace(
 
 def _step(
     capture: ParallelCapture | AECCapture,
-    trace: Episode,
+    episode: Episode,
     turn: Turn,
     *,
     agents: Mapping[str, Any],
@@ -118,7 +119,7 @@ def _step(
         capture.step({_agent(capture, agents, name): action for name, action in done.items()})
         return
     name = turn.order[0]
-    if _was_seen(turn, name, trace):
+    if _was_seen(turn, name, episode):
         capture.last()
     capture.step(done[name])
 
@@ -130,11 +131,11 @@ def _agent(capture: ParallelCapture | AECCapture, agents: Mapping[str, Any], nam
     return next((agent for agent in capture.env.agents if agent_name(agent) == name), name)
 
 
-def _look_once_more(capture: ParallelCapture | AECCapture, trace: Episode, turn: Turn) -> None:
+def _look_once_more(capture: ParallelCapture | AECCapture, episode: Episode, turn: Turn) -> None:
     """An AEC episode may end with a look that no action followed; its row has the observation."""
     if not isinstance(capture, AECCapture) or not capture.env.agents:
         return
-    if any(_was_seen(turn, name, trace) for name in turn.agents):
+    if any(_was_seen(turn, name, episode) for name in turn.agents):
         try:
             capture.last()
         except KeyboardInterrupt:
@@ -143,16 +144,16 @@ def _look_once_more(capture: ParallelCapture | AECCapture, trace: Episode, turn:
             return  # then the row that was recorded is missing, and the comparison says so
 
 
-def _was_seen(turn: Turn, name: str, trace: Episode) -> bool:
+def _was_seen(turn: Turn, name: str, episode: Episode) -> bool:
     """Tells whether the agent's observation was read before it acted, by the evidence.
 
     Level "actions" keeps just that. At level "digest" observations aren't kept, and an agent that
     was given anything counts as having looked: so does every loop but one that asks
     `last(observe=False)`.
     """
-    if trace.is_actions:
-        return name in turn.agents and bool(trace.column("observed")[turn.row(name)])
-    is_digest = "digest" in trace.steps.schema.names
+    if episode.is_actions:
+        return name in turn.agents and bool(episode.column("observed")[turn.row(name)])
+    is_digest = "digest" in episode.steps.schema.names
     return turn.has_observation(name) or (is_digest and name in turn.cumulative_reward)
 
 
@@ -194,7 +195,7 @@ def shrink(
     `still` is asked as long as it answers; whoever has had enough answers no.
 
     Args:
-        play: has its actions on paper and shows it.
+        play: has a script and shows it.
         turns: it is known to show after so many.
         plain: a simple action for each agent.
     """

@@ -27,8 +27,8 @@ def tally(
     *,
     contract: Contract | None = None,
     change: Intervention | None = None,
-    cast: ActionChooser | None = None,
-    cast_seed: int = 0,
+    joint_policy: ActionChooser | None = None,
+    policy_seed: int = 0,
     on_step: Callable[[], None] | None = None,
 ) -> Outcome:
     """Plays one episode in `env` and counts; nothing of it is kept but the figures.
@@ -40,7 +40,13 @@ def tally(
     """
     hooks = Hooks() if change is None else change.start(np.random.default_rng([7, play.stream]))
     episode = TalliedEpisode(
-        play, env, hooks, contract=contract, cast=cast, cast_seed=cast_seed, on_step=on_step
+        play,
+        env,
+        hooks,
+        contract=contract,
+        joint_policy=joint_policy,
+        policy_seed=policy_seed,
+        on_step=on_step,
     )
     try:
         episode.run()
@@ -64,8 +70,8 @@ class TalliedEpisode:
         hooks: Hooks,
         *,
         contract: Contract | None = None,
-        cast: ActionChooser | None = None,
-        cast_seed: int = 0,
+        joint_policy: ActionChooser | None = None,
+        policy_seed: int = 0,
         on_step: Callable[[], None] | None = None,
         sink: Any = None,
     ) -> None:
@@ -74,16 +80,16 @@ class TalliedEpisode:
         Args:
             sink: takes the rows as well, where one is given.
         """
-        self.capture, self.cast, self._play = capture_of(env, sink=sink), cast, play
+        self.capture, self.joint_policy, self._play = capture_of(env, sink=sink), joint_policy, play
         volatile = () if contract is None else contract.volatile_infos()
         is_parallel = isinstance(self.capture, ParallelCapture)
         self.count = _Ticks(volatile) if is_parallel else _Turns(volatile)
         self._loop = EpisodeLoop(
-            play, self.capture, cast, hooks, self.count, on_step or nothing, contract
+            play, self.capture, joint_policy, hooks, self.count, on_step or nothing, contract
         )
         self.failed: FailedCall | None = None
-        if cast is not None and play.actions is None:
-            cast.begin(cast_seed, play.stream)
+        if joint_policy is not None and play.actions is None:
+            joint_policy.begin(policy_seed, play.stream)
 
     @property
     def turns(self) -> int:
@@ -110,7 +116,7 @@ class TalliedEpisode:
 
 
 class _Count:
-    """Adds up what a capture gives, as a watch over the course of an episode."""
+    """Adds up what a capture gives, as a watch over the loop of an episode."""
 
     def __init__(self, volatile: Any) -> None:
         self._volatile = volatile

@@ -320,12 +320,12 @@ def _described(error: BaseException, memory_bytes: int | None) -> dict[str, str 
     while frames is not None and frames.tb_frame.f_code.co_filename == __file__:
         frames = frames.tb_next
     try:
-        trace = "".join(traceback.format_exception(type(error), error, frames))
+        episode = "".join(traceback.format_exception(type(error), error, frames))
     except BaseException:  # attributes that raise when looked at: the frames alone, then
-        trace = "".join(traceback.format_tb(frames)) + text + "\n"
+        episode = "".join(traceback.format_tb(frames)) + text + "\n"
     return {
         "error": cut(text, ERROR_CHARS),
-        "traceback": cut(trace, TRACEBACK_CHARS),
+        "traceback": cut(episode, TRACEBACK_CHARS),
         "is_theirs": _is_theirs(frames),
     }
 

@@ -18,11 +18,11 @@ from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.episodes.where import Where
 from gamekeeper.errors import EvidenceError, PolicyError, RunError, SpecError
 from gamekeeper.interface.env_source import Opened
-from gamekeeper.interface.found_again import ASSUMED
+from gamekeeper.interface.object_source import ASSUMED
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.consent import Consent, consented, evidence_of
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.runs.replay_runner import (
     IN_MEMORY,
     ReplayRunner,
@@ -310,7 +310,7 @@ def replay_evidence(
         for header in evidence.headers:
             if policies and header.get("policies") != named:  # the same objects go on, as they did
                 named = header.get("policies")
-                chooser = cast_of(choices_in(named), opened.env, evidence.contract)
+                chooser = joint_policy_of(choices_in(named), opened.env, evidence.contract)
             both, again = runner.compared(header, chooser=chooser, tolerance=tolerance)
             prints.append(again["fingerprint"])
             report(episode=len(prints), episodes=total)

@@ -12,7 +12,7 @@ from typing import Any, Final
 from gamekeeper.episodes.divergence import Divergence, compare_chunks
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
-from gamekeeper.interface.found_again import ASSUMED
+from gamekeeper.interface.object_source import ASSUMED
 from gamekeeper.interface.openings import GLOBALS, SameOpenings
 from gamekeeper.rollouts.process_randomness import states
 from gamekeeper.rollouts.workers import run_task

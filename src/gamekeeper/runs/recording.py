@@ -362,7 +362,7 @@ def record_rollout(
     )
     try:
         declared = declared_contract(contract, opened)
-        policies = cast_of(plan.policies, opened.env, declared)  # may refuse: no folder yet
+        policies = joint_policy_of(plan.policies, opened.env, declared)  # may refuse: no folder yet
         sink: RunRecorder | MemorySink = MemorySink(**_declared(declared))
         if folder is not None:
             sink = RunRecorder(
@@ -477,7 +477,7 @@ def _declared(contract: Contract | None) -> dict[str, Any]:
     return {"terms": tuple(contract.rewards), "volatile": contract.volatile_infos()}
 
 
-def cast_of(policies: Choices, env: Any, contract: Contract | None) -> JointPolicy:
+def joint_policy_of(policies: Choices, env: Any, contract: Contract | None) -> JointPolicy:
     """The policies that play `env`, by declared roles, noops and masks, else by agents' names."""
     declared = contract or Contract()
     return assign(

@@ -26,7 +26,7 @@ from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import ActionChooser
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.process_randomness import states
-from gamekeeper.rollouts.reruns import replay_trace
+from gamekeeper.rollouts.reruns import replayed_episode
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.reset_chain import chain_of
@@ -68,8 +68,8 @@ class ReplayedEpisode:
     def turns(self) -> Iterator[Turn]:
         """Yields the recorded turns in order; those before the one asked for were replayed."""
         while True:
-            trace, before = self._now
-            yield from trace.turns
+            episode, before = self._now
+            yield from episode.turns
             if before is None:  # the closing rows are still to be replayed
                 return
             self._advance()
@@ -105,7 +105,7 @@ class ReplayedEpisode:
             played: turns of it that are whole; None: it is over.
         """
         while self._goes_on and self._behind:
-            trace, before = self._behind[0]
+            episode, before = self._behind[0]
             if played is not None and (before is None or before > played):
                 return
             self._behind.popleft()
@@ -121,7 +121,7 @@ class ReplayedEpisode:
                 states=self._rows.get("states"),
                 empty=NO_STEPS,
             )
-            self._goes_on = self._look is None or self._look(trace, again.take(before))
+            self._goes_on = self._look is None or self._look(episode, again.take(before))
 
     def _known_spaces(self) -> Evidence:
         """Evidence without rows that names the spaces of all agents there were by now."""
@@ -266,24 +266,24 @@ class ReplayRunner:
             EvidenceError: an action was an object that no text can build again.
         """
         _check_actions(self._evidence, header)
-        trace = self._evidence.episode_of(header)
-        self.replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
+        episode = self._evidence.episode_of(header)
+        self.replay(episode, chooser, takewhile(lambda turn: turn.index < steps, episode.turns))
         return self._kept().episodes[0]
 
     def replay(
         self,
-        trace: Episode,
+        episode: Episode,
         chooser: ActionChooser | None = None,
         turns: Iterable[Turn] | None = None,
     ) -> None:
         """Plays turns of an episode again; None: all of them."""
-        self.capture.episode = trace.episode - 1
-        replay_trace(
-            trace,
+        self.capture.episode = episode.episode - 1
+        replayed_episode(
+            episode,
             self.capture,
             agents={each.name: agent for agent, each in self._sink.layout.agents.items()},
             types=self._evidence.manifest.get("action_types"),
-            cast=chooser,
+            joint_policy=chooser,
             run_seed=self._evidence.manifest.get("seed"),
             after_turn=self._after_turn,
             turns=turns,

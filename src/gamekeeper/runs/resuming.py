@@ -16,7 +16,7 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.joint_policy import JointPolicy
 from gamekeeper.runs.consent import consented, evidence_of
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.runs.replay_runner import ReplayRunner, opened_again
 from gamekeeper.runs.reset_chain import chain_of
 from gamekeeper.runs.standing import choices_in
@@ -95,7 +95,7 @@ def resume(
             _check_to_the_end(evidence, header, env)
         opened = opened_again(evidence, env)
         try:
-            chooser = cast_of(names, opened.env, evidence.contract) if names else None
+            chooser = joint_policy_of(names, opened.env, evidence.contract) if names else None
             runner = ReplayRunner(evidence, opened)
             known = frozenset(evidence.episode_table["episode"].to_pylist())
             for number in chain_of(header, known):

@@ -20,7 +20,7 @@ from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.policy import distrust_policy
 from gamekeeper.interface.slim import described_slim
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
-from gamekeeper.runs.recording import RolloutProgress, cast_of, record_rollout
+from gamekeeper.runs.recording import RolloutProgress, joint_policy_of, record_rollout
 from gamekeeper.terminal import say
 
 # -- What worker processes do with environments: record a rollout, look at a game form
@@ -79,7 +79,7 @@ def contract_task(
             questions = draft_questions(opened.env, form)
             made_of = described_slim(opened.env)
             if policies:
-                cast_of(policies, opened.env, declared)
+                joint_policy_of(policies, opened.env, declared)
     except GamekeeperError as error:
         return {"error": error.to_json()}
     return {
@@ -215,7 +215,7 @@ def _opened(spec: str, api: str | None, kwargs: Mapping[str, Any]) -> Opened:
 
 def _version(name: str, env: Any, contract: Any) -> dict[str, str | None]:
     try:
-        chosen = cast_of(name, env, contract)
+        chosen = joint_policy_of(name, env, contract)
         agent = next(iter(getattr(env, "possible_agents", None) or ["*"]))
         return {"version": chosen.described([agent])[agent_name(agent)]["version"]}
     except GamekeeperError as error:

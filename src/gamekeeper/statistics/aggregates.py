@@ -1,7 +1,5 @@
 """Claims about a method over several environments: aggregates of runs by environment."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf, sqrt
 from statistics import NormalDist

@@ -1,7 +1,5 @@
 """An estimate with its interval, and what every interval asks of its figures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import ceil, floor, log10

@@ -1,7 +1,5 @@
 """Claims about one checkpoint: a statistic over its episodes, with an interval."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import ceil, log, sqrt
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Effects over paired episodes: a mean difference with an interval that covers at its level."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from math import comb, copysign, inf, sqrt
 from statistics import NormalDist

@@ -1,7 +1,5 @@
 """Rankings of policies that beat one another: cycles, and alpha-rank where there is one."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

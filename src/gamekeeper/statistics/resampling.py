@@ -4,8 +4,6 @@ Which is used where, and from how few values on, was found by simulation
 (benchmarks/evaluation_coverage.py, benchmarks/interval_coverage.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt

@@ -1,7 +1,5 @@
 """Statistics that checks and measurements state: intervals of shares, permutation tests, Holm."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb, sqrt

@@ -1,7 +1,5 @@
 """Quantiles and tails of Student's and the binomial distribution, without SciPy."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import exp, lgamma, log, log1p, pi, sqrt
 from statistics import NormalDist

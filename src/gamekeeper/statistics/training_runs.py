@@ -1,7 +1,5 @@
 """Claims about a method: statistics over its training runs, with intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
@@ -346,12 +344,16 @@ def luck_of_meetings(pairs: Sequence[tuple[int, int]], means: FloatArray) -> Mee
     """The residue of the means of meetings about what their two runs add; None of too few.
 
     Args:
-        pairs: of each meeting, the run in one seat and the run in the other.
+        pairs: of each meeting, the run in one position and the run in the other.
         means: [meetings] over its episodes.
     Source: Searle, Casella & McCulloch 1992, ch. 4 (the two-way crossed model).
     """
-    seats = [sorted({pair[seat] for pair in pairs}) for seat in (0, 1)]
-    columns = [[pair[seat] == run for pair in pairs] for seat in (0, 1) for run in seats[seat]]
+    positions = [sorted({pair[position] for pair in pairs}) for position in (0, 1)]
+    columns = [
+        [pair[position] == run for pair in pairs]
+        for position in (0, 1)
+        for run in positions[position]
+    ]
     design = np.array(columns, np.float64).T
     freedom = len(pairs) - int(np.linalg.matrix_rank(design))
     if freedom < FEWEST_FREE:
@@ -377,8 +379,8 @@ def over_meetings(
 
     Args:
         blocks: by method [runs, episodes], of each run the mean over its meetings.
-        times: what a run's mean is enlarged by: in how many seats its method sits.
-        luck: of single meetings, where runs vary in both seats: it is in the means of both, and
+        times: what a run's mean is enlarged by: in how many positions its method sits.
+        luck: of single meetings, where runs vary in both positions: it is in the means of both, and
             counts once.
         level: coverage, in [0.8, 0.99].
     Raises:

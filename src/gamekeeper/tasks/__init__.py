@@ -5,8 +5,6 @@ its own; its class has the module's name (`two_robot_line`: TwoRobotLine). The c
 text, so that a module is imported when its task is made.
 """
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

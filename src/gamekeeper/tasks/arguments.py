@@ -1,7 +1,5 @@
 """Checks of arguments that all tasks share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gamekeeper.errors import SpecError

@@ -4,8 +4,6 @@
 action is refused where `s.board[action]` is marked: of Connect Four that is the column's top cell.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final, TypeAlias
 

@@ -18,8 +18,6 @@ Values of `last`, rewards, their sums and flags are those of PettingZoo's connec
 Source: PettingZoo 1.27, classic/connect_four, with its TerminateIllegalWrapper (illegal_reward -1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final
 

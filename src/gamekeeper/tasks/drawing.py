@@ -1,7 +1,5 @@
 """Pictures of grids without any graphics library: rectangles in an array, letters in rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, Final, TypeAlias
 

@@ -9,8 +9,6 @@ agent), and is a function of how many turns the agent has had: the task's own dr
 are, an observation may be asked for twice, and no agent's faults depend on another's.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import compress

@@ -19,8 +19,6 @@ Values of `last`, rewards, their sums and flags are those of PettingZoo's tictac
 Source: PettingZoo 1.27, classic/tictactoe, with its TerminateIllegalWrapper (illegal_reward -1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, Final

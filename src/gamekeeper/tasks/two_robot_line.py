@@ -16,8 +16,6 @@ spaces, and a time limit: the fragment has none, and robots that stand still nev
 play on five cells one episode in two thousand million reaches the limit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final, Unpack
 
@@ -30,7 +28,7 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import rule
 from gamekeeper.randomness.stream import Stream
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.disturbed import DisturbedTicks
+from gamekeeper.tasks.disturbances import DisturbedTicks
 from gamekeeper.tasks.drawing import BLUE, GREEN, ORANGE, Canvas, Pictured, metadata_of
 from gamekeeper.tasks.knobs import LABELS, KnobArguments, Knobs
 

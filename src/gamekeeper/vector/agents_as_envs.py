@@ -1,7 +1,5 @@
 """A vector environment as Gymnasium's: every agent of every copy is one of its environments."""
 
-from __future__ import annotations
-
 from operator import itemgetter
 from typing import Any, Final
 

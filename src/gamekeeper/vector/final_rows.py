@@ -1,7 +1,5 @@
 """Last observations and infos of agents that ended, by sub-environment, made as they are read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from operator import itemgetter
 from typing import Any

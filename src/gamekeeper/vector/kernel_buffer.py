@@ -5,8 +5,6 @@ that of the last slot only one half is known. What the step's arrays don't hold 
 episode ended in it, stands apart, row by row.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, Final
 

@@ -4,8 +4,6 @@ Texts are what `gamekeeper.episodes.canonical.to_json` writes of each info alone
 single rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from operator import attrgetter
 from typing import Any, Final

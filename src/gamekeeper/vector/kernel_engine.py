@@ -1,7 +1,5 @@
 """The kernel engine: all copies in one batch, its rules compiled."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext

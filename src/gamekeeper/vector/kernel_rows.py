@@ -1,7 +1,5 @@
 """Rows of a buffer, in their order: which there are, where their values stand, and those values."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The serial engine: all copies in this process, one after the other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

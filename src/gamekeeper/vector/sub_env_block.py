@@ -4,8 +4,6 @@ Slot i of N plays the episodes i, i + N, i + 2N ... of the run, each from its ow
 steps which slots changes nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias

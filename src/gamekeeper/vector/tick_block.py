@@ -4,8 +4,6 @@ What a tick gives is collected in lists and poured into the arrays once, when ev
 tick: a row of an array costs more to write alone than all of them together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import chain
 from operator import itemgetter

@@ -1,7 +1,5 @@
 """A vector environment whose arrays are changed for all sub-environments at once."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import TracebackType
@@ -173,7 +171,7 @@ class TransformedVector:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
+        self, kind: type[BaseException] | None, error: object, traceback: TracebackType | None
     ) -> None:
         self.venv.close()
 

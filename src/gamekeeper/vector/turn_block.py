@@ -4,8 +4,6 @@ A dead agent's None turn is no step of anybody's: it is made at once, and what i
 (its last observation and info) is final.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """The vector environment: what users step, the same for every engine."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
@@ -227,7 +225,7 @@ class VectorEnv:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
+        self, kind: type[BaseException] | None, error: object, traceback: TracebackType | None
     ) -> None:
         self.close()
 

@@ -1,7 +1,5 @@
 """`gk.vector.make`: copies of one environment, stepped together by the engine that is asked for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from os import PathLike
 from typing import Any, Final

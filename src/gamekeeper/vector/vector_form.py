@@ -1,7 +1,5 @@
 """Form of a vector environment's arrays: agents in columns, grouped where spaces differ."""
 
-from __future__ import annotations
-
 import mmap
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """Wrappers of vector environments, by the names of `gamekeeper.wrappers`: all copies at once."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from operator import is_

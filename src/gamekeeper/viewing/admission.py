@@ -11,8 +11,6 @@ W3C working draft 2021.
 Answers of the server: pages, JSON documents, and refusals with a fix.
 """
 
-from __future__ import annotations
-
 import hmac
 import json
 from collections.abc import Mapping, Sequence

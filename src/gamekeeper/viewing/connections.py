@@ -1,7 +1,5 @@
 """HTTP server on loopback: one request per connection; silent connections are closed."""
 
-from __future__ import annotations
-
 import socketserver
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

@@ -1,7 +1,5 @@
 """The player of one episode for a notebook or a page of one's own: one text, without a server."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from html import escape
 from os import PathLike

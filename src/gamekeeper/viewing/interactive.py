@@ -6,8 +6,6 @@ its own, one order at a time. The guard of imports belongs to one thread, so tha
 carried out in the thread that serves.
 """
 
-from __future__ import annotations
-
 import hmac
 import json
 import queue

@@ -1,7 +1,5 @@
 """Documents about a run: those in files, and those among its annotations."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from os import PathLike

@@ -4,8 +4,6 @@ Counterfactuals that a diagnosis recorded beside a run are added. An existing fi
 only if it is a page too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -14,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper._version import __version__
-from gamekeeper.auditing.recorded import failed_rows
+from gamekeeper.auditing.recorded_evidence import failed_rows
 from gamekeeper.diagnosis.labels import labels
 from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.episodes.plain_json import legible

@@ -1,7 +1,5 @@
 """Episodes of a page: packed until a budget is spent, with their marks and recorded frames."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -8,8 +8,6 @@
 | refused | a run without frames that isn't rendered; a file that exists |
 """  # noqa: E501  # a row of a table is one line
 
-from __future__ import annotations
-
 import io
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -112,18 +110,18 @@ def composed(frame: Any, lines: Sequence[str], size: tuple[int, int, int]) -> An
     return whole
 
 
-def captions_of(trace: Episode) -> dict[int, list[str]]:
+def captions_of(episode: Episode) -> dict[int, list[str]]:
     """Captions of the frames by turn: actions of the turn before, rewards and their sums."""
-    names = list(dict.fromkeys(str(a) for turn in trace.turns for a in turn.agents))
+    names = list(dict.fromkeys(str(a) for turn in episode.turns for a in turn.agents))
     shown, rest = names[:MOST_AGENTS], names[MOST_AGENTS:]
     wide = max(map(len, map(one_line, shown)), default=0)
     totals = dict.fromkeys(names, 0.0)
-    head = f"episode {trace.episode}, turn 0"
+    head = f"episode {episode.episode}, turn 0"
     found = {0: _lines(head, shown, rest, wide, {}, {}, totals)}
-    for turn in trace.turns:
+    for turn in episode.turns:
         for agent, paid in turn.rewards.items():
             totals[str(agent)] = totals.get(str(agent), 0.0) + (paid or 0.0)
-        head = f"episode {trace.episode}, turn {turn.index + 1}"
+        head = f"episode {episode.episode}, turn {turn.index + 1}"
         acted = {str(agent): turn.actions.get(agent) for agent in turn.order}
         found[turn.index + 1] = _lines(head, shown, rest, wide, acted, turn.rewards, totals)
     return found

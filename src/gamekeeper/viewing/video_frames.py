@@ -1,7 +1,5 @@
 """The frames of an episode: those that were recorded, or those of a replay that renders."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,7 +13,7 @@ from gamekeeper.interface.env_source import Opened
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.memory import MemorySink
-from gamekeeper.rollouts.reruns import replay_trace
+from gamekeeper.rollouts.reruns import replayed_episode
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.files.folder import inside, reading
 from gamekeeper.runs.load_run import load
@@ -166,10 +164,10 @@ def _played(
     capture = capture_of(opened.env, sink=sink, frames=True, state=has_state)
     try:
         for number in (*chain, episode):
-            trace = evidence.episode(number)
+            recorded = evidence.episode(number)
             capture.episode = number - 1
-            replay_trace(
-                trace,
+            replayed_episode(
+                recorded,
                 capture,
                 agents={each.name: agent for agent, each in sink.layout.agents.items()},
                 types=evidence.manifest.get("action_types"),
@@ -178,5 +176,5 @@ def _played(
             again = sink.evidence(opened.identity, contract=evidence.contract)
     finally:
         capture.close()
-    found = compare(trace, again.episodes[0], volatile=evidence.contract.volatile_infos())
+    found = compare(recorded, again.episodes[0], volatile=evidence.contract.volatile_infos())
     return None if found.divergence is None else str(found.divergence)

@@ -1,7 +1,5 @@
 """A served run: it is read again when its files grow."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Mapping

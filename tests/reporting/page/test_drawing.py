@@ -47,8 +47,8 @@ class Seeing(Told):
 
 def drawing(env: Any, **options: Any) -> tuple[Any, str]:
     """What is drawn of one episode."""
-    trace = gk.rollout(env, episodes=1, **options).episode(0)
-    return drawn(trace, PLAIN)
+    episode = gk.rollout(env, episodes=1, **options).episode(0)
+    return drawn(episode, PLAIN)
 
 
 def test_positions_in_infos_are_a_map() -> None:
@@ -133,9 +133,9 @@ def test_long_episodes_leave_turns_out_and_say_so() -> None:
 
 def test_recorded_frames_come_first() -> None:
     """Frames are shown before anything else, letters as letters."""
-    trace = recorded(episodes=1).episode(0)
-    pictures, _ = drawn(trace, PLAIN, frames=Drawing({2: "data:b", 0: "data:a"}))
-    letters, _ = drawn(trace, PLAIN, frames=Drawing({0: "..#"}, is_text=True))
+    episode = recorded(episodes=1).episode(0)
+    pictures, _ = drawn(episode, PLAIN, frames=Drawing({2: "data:b", 0: "data:a"}))
+    letters, _ = drawn(episode, PLAIN, frames=Drawing({0: "..#"}, is_text=True))
     assert pictures == {"kind": "frames", "images": ["data:a", "data:b"], "at": [0, 2]}
     assert letters == {"kind": "text", "texts": ["..#"], "at": [0]}
 

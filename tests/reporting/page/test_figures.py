@@ -1,4 +1,4 @@
-"""The sums of a run are those of its traces, one by one, and failures those of its outcomes."""
+"""The sums of a run are those of its episodes, one by one, and failures those of its outcomes."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ def test_figures_are_those_of_outcomes(spec: str) -> None:
     figures = figures_of(evidence)
     found, _ = failing(evidence, figures)
     conditions = failures(evidence.contract)
-    for place, trace in enumerate(evidence.episodes):
-        outcome = outcome_of(trace)
+    for place, episode in enumerate(evidence.episodes):
+        outcome = outcome_of(episode)
         for column, agent in enumerate(figures.agents):
             assert figures.present[place, column] == (agent in outcome.returns)
             if agent in outcome.returns:
@@ -67,7 +67,7 @@ def test_failures_are_those_of_the_core(condition: str) -> None:
     evidence = recorded(failure=condition)
     found, _ = failing(evidence, figures_of(evidence))
     conditions = {"team": Failure(condition)}
-    outcomes = [outcome_of(trace) for trace in evidence.episodes]
+    outcomes = [outcome_of(episode) for episode in evidence.episodes]
     expected = [failed(each, conditions, evidence.contract)["team"] for each in outcomes]
     assert expected == found
 

@@ -28,12 +28,12 @@ def evidence(request: pytest.FixtureRequest) -> Evidence:
 
 def test_rows_say_what_turns_say(evidence: Evidence) -> None:
     """Every turn's actions, order, rewards, terms, flags and masks stand in the columns."""
-    for trace in evidence.episodes:
-        packed = packed_of(evidence, trace.episode)
+    for episode in evidence.episodes:
+        packed = packed_of(evidence, episode.episode)
         rows, values = packed["rows"], packed["values"]
         names = [agent["name"] for agent in packed["agents"]]
         at = {(rows["turn"][k], names[rows["agent"][k]]): k for k in range(len(rows["turn"]))}
-        for turn in trace.turns:
+        for turn in episode.turns:
             for agent in turn.agents:
                 k = at.pop((turn.index, agent))
                 assert rows["reward"][k] == pytest.approx(turn.rewards.get(agent))
@@ -70,8 +70,8 @@ def test_columns_are_of_one_length_and_json(evidence: Evidence) -> None:
 
 def test_numbers_are_the_outcome(evidence: Evidence) -> None:
     """Returns and endings of a packed episode and of the list are those of its outcome."""
-    for entry, trace in zip(entries_of(evidence), evidence.episodes, strict=True):
-        outcome, packed = outcome_of(trace), packed_of(evidence, trace.episode)
+    for entry, episode in zip(entries_of(evidence), evidence.episodes, strict=True):
+        outcome, packed = outcome_of(episode), packed_of(evidence, episode.episode)
         returns = {agent: each["return"] for agent, each in packed["numbers"].items()}
         assert outcome.returns == pytest.approx(returns)
         assert outcome.returns == pytest.approx(entry["returns"])
@@ -128,9 +128,9 @@ def test_rewards_that_are_not_finite_are_told() -> None:
     rewards = steps["reward"].to_numpy().copy()
     rewards[0] = np.nan
     place = steps.schema.get_field_index("reward")
-    trace = evidence.episode(0)
-    object.__setattr__(trace, "steps", steps.set_column(place, "reward", [rewards]))
-    packed = packed_episode(trace, packed_agents(evidence))
+    episode = evidence.episode(0)
+    object.__setattr__(episode, "steps", steps.set_column(place, "reward", [rewards]))
+    packed = packed_episode(episode, packed_agents(evidence))
     assert packed["rows"]["reward"][0] is None
     assert packed["values"][packed["rows"]["nonconforming"][0]] == {"reward": "nan"}
     json.dumps(packed, allow_nan=False)

@@ -10,7 +10,7 @@ from gamekeeper.reporting.page.episode_list import SCALE, bars_of, sparks_of
 def test_sparkline_ends_at_the_return_on_one_scale() -> None:
     """The last part has the whole return; the run's highest is the last letter, 0 the first."""
     figures = figures_of(gk.rollout("two_robot_line", episodes=6, seed=0))
-    np.testing.assert_allclose(figures.course[:, -1], figures.team)
+    np.testing.assert_allclose(figures.cumulative[:, -1], figures.team)
     sparks = sparks_of(figures)
     assert {len(spark) for spark in sparks} == {SPARK}
     best = int(np.argmax(figures.team))

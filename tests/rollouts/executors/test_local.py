@@ -122,12 +122,12 @@ def test_errors_of_the_source_and_of_the_listener_come_out() -> None:
 
     def tasks() -> Iterator[WorkTask]:
         yield task("t", "said", number=1)
-        raise RuntimeError("no more paper")
+        raise RuntimeError("no more script")
 
     def listen(key: str, fields: dict[str, Any]) -> None:
         raise LookupError("deaf")
 
-    with pytest.raises(RuntimeError, match="no more paper"):
+    with pytest.raises(RuntimeError, match="no more script"):
         list(LocalExecutor(1).map(tasks()))
     with pytest.raises(LookupError, match="deaf"):
         list(LocalExecutor(1).map([task("t", "said", number=1)], on_report=listen))

@@ -12,7 +12,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.interface.conversion import to_aec
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, perform
 from gamekeeper.rollouts.intervention import Intervention
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 TURNS = 12
 SPACES: dict[str, Space[Any]] = {
@@ -103,26 +103,26 @@ CONTRACT = Contract.from_json(
 
 
 class Spy:
-    """A cast that keeps what it is shown."""
+    """A joint policy that keeps what it is shown."""
 
-    def __init__(self, cast: Any) -> None:
-        self.cast, self.shown = cast, []
+    def __init__(self, joint_policy: Any) -> None:
+        self.joint_policy, self.shown = joint_policy, []
 
     def begin(self, seed: int, episode: int) -> None:
-        self.cast.begin(seed, episode)
+        self.joint_policy.begin(seed, episode)
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         self.shown.append((agent, observation))
-        return self.cast.act(agent, observation, info)
+        return self.joint_policy.act(agent, observation, info)
 
 
 def played(
     env: Any, change: Intervention | None, contract: Contract | None = CONTRACT, *, seed: int = 3
 ) -> tuple[EpisodeResult, list[tuple[Any, Any]]]:
     """A play by the random policy, and what that was shown."""
-    spy = Spy(cast_of("random", env, contract))
+    spy = Spy(joint_policy_of("random", env, contract))
     play = EpisodePlan(seed=seed, stream=seed)
-    done = perform(play, env, cast=spy, change=change, contract=contract)
+    done = perform(play, env, joint_policy=spy, change=change, contract=contract)
     assert done.failed is None, done.failed
     return done, spy.shown
 
@@ -134,4 +134,4 @@ def as_aec(env: Any) -> Any:
 
 def rows(done: EpisodeResult) -> Any:
     """What the evidence keeps: for each turn what was given, and what was done."""
-    return [(turn.observations, turn.actions, turn.rewards) for turn in done.trace.turns]
+    return [(turn.observations, turn.actions, turn.rewards) for turn in done.episode.turns]

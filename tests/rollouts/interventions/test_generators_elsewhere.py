@@ -9,7 +9,7 @@ from gamekeeper.episodes.divergence import compare
 from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
 from gamekeeper.rollouts.interventions.generator_futures import GeneratorsElsewhere
 from gamekeeper.rollouts.process_randomness import standing
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from tests.faults.rovers import Rovers
 
 OWN = 2
@@ -19,9 +19,11 @@ OWN = 2
 def played(places: tuple[int, ...]) -> Any:
     """A play of the same actions, its generators at these places moved."""
     env = Rovers()
-    base = perform(EpisodePlan(seed=1, most_turns=8), env, cast=cast_of("random", env, None))
+    base = perform(
+        EpisodePlan(seed=1, most_turns=8), env, joint_policy=joint_policy_of("random", env, None)
+    )
     change = GeneratorsElsewhere(places, number=5)
-    return compare(base.trace, perform(base.play, Rovers(), change=change).trace).divergence
+    return compare(base.episode, perform(base.play, Rovers(), change=change).episode).divergence
 
 
 def test_generators_elsewhere_change_the_play_that_draws_from_them() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
 from gamekeeper.rollouts.interventions.generator_futures import GlobalGeneratorsDisturbed
 from gamekeeper.rollouts.process_randomness import held, states
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from tests.faults.rovers import Rovers
 
 
@@ -30,7 +30,7 @@ def test_disturbed_generators_are_put_back_after_the_play() -> None:
     perform(
         EpisodePlan(seed=1, most_turns=3),
         env,
-        cast=cast_of("random", env, None),
+        joint_policy=joint_policy_of("random", env, None),
         change=GlobalGeneratorsDisturbed(),
         watch=lambda turn, env, out: seen.append(np.random.get_state(legacy=True)[1][0]),
     )

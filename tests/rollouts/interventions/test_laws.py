@@ -125,7 +125,7 @@ def test_strength_0_is_the_unchanged_rerun(name: str) -> None:
     """With strength 0 every row is the row of a play without a change."""
     unchanged, _ = played(Shown("dict"), None)
     base, _ = played(Shown("dict"), PERTURBATIONS[name](strength=0.0))
-    assert compare(unchanged.trace, base.trace).is_exact
+    assert compare(unchanged.episode, base.episode).is_exact
 
 
 @pytest.mark.parametrize("see", SPACES)
@@ -165,7 +165,7 @@ def test_only_named_agents_do_otherwise(name: str, do: str) -> None:
     env, was_changed = Shown(do=do), False
     unchanged, _ = played(Shown(do=do), None, contract)
     perturbed, _ = played(env, made(name, agents=("a_1",)), contract)
-    masks = [turn.masks for turn in unchanged.trace.turns]
+    masks = [turn.masks for turn in unchanged.episode.turns]
     pairs = zip(unchanged.play.actions or (), perturbed.play.actions or (), masks, strict=False)
     for clean, done, mask in pairs:
         was_changed |= list(clean) != list(done)
@@ -193,7 +193,7 @@ def test_perturbation_is_the_same_twice(name: str) -> None:
     """Equal plays are equal, also in what was shown."""
     change = made(name)
     first, again = (played(Shown("whole", "box"), change, _told("whole")) for _ in range(2))
-    assert compare(first[0].trace, again[0].trace).is_exact
+    assert compare(first[0].episode, again[0].episode).is_exact
     assert to_json(first[1]) == to_json(again[1])
 
 

@@ -39,7 +39,7 @@ def plain(out: Path, **changed: Any) -> Evidence:
 
 
 def assert_same(one: Evidence, run: Path) -> None:
-    """Fingerprints, every turn of every trace, header, timing and frame."""
+    """Fingerprints, every turn of every episode, header, timing and frame."""
     other = gk.load(run)
     for name in ("fingerprint", "info_fingerprint", "status", "agents", "spaces", "contract"):
         assert one.manifest[name] == other.manifest[name], name

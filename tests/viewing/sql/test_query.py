@@ -78,8 +78,8 @@ def test_endings_name_the_turn_and_the_flag(runs: Path) -> None:
     """An agent ends at the first row that says so; terminated and truncated stay apart."""
     evidence = gk.load(runs / "two_robot_line")
     found = rows(runs / "two_robot_line", "select * from endings where episode = 0 order by agent")
-    trace = evidence.episode(0)
-    last = max(trace.steps["turn"].to_pylist())
+    episode = evidence.episode(0)
+    last = max(episode.steps["turn"].to_pylist())
     assert [(row["agent"], row["turn"]) for row in found] == [("carrier", last), ("picker", last)]
     assert all(row["terminated"] and not row["truncated"] for row in found)
 

@@ -191,8 +191,8 @@ def test_film_names_the_extra_that_is_missing(
 def test_strips_tell_who_did_what_and_was_paid(run: Path) -> None:
     """Below the frame of a turn stands what led to it; the sums are the returns at the end."""
     evidence = gk.load(run)
-    trace = evidence.episode(0)
-    captions = captions_of(trace)
+    episode = evidence.episode(0)
+    captions = captions_of(episode)
     assert captions[0][0] == "episode 0, turn 0"
     last = captions[max(recorded(evidence)[0])[0]]
     for line, (name, total) in zip(last[1:], [("picker", 1.0), ("carrier", 1.0)], strict=True):

@@ -35,10 +35,10 @@ def test_index_lists_every_episode_with_returns_by_agent(visitor: Visitor, line:
     assert [run["key"] for run in found["runs"]] == ["a"]
     assert found["runs"][0]["status"] == "finalized"
     assert [each["episode"] for each in found["episodes"]] == [0, 1, 2, 3]
-    for entry, trace in zip(found["episodes"], evidence.episodes, strict=True):
-        assert (entry["seed"], entry["end"], entry["packed"]) == (trace.seed, "ended", True)
+    for entry, episode in zip(found["episodes"], evidence.episodes, strict=True):
+        assert (entry["seed"], entry["end"], entry["packed"]) == (episode.seed, "ended", True)
         for agent, total in entry["returns"].items():
-            paid = sum(turn.rewards.get(agent, 0.0) for turn in trace.turns)
+            paid = sum(turn.rewards.get(agent, 0.0) for turn in episode.turns)
             assert total == pytest.approx(paid)
 
 

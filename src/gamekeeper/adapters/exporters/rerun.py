@@ -48,10 +48,10 @@ from gamekeeper.adapters.export_source import (
     Say,
     agents_of,
     chosen,
+    episodes_of,
     evidence_of,
     tell,
     to_stderr,
-    traces_of,
 )
 from gamekeeper.episodes.episode import Episode, Spaces
 from gamekeeper.episodes.evidence import Evidence
@@ -104,8 +104,8 @@ def export(
         with _strict():  # what Rerun can't take raises, in place of a warning
             stream.save(fspath(draft), default_blueprint=_views(evidence, names))
             writer = _RerunWriter(stream, evidence, names)
-            for trace in traces_of(evidence):
-                writer.add(trace)
+            for episode in episodes_of(evidence):
+                writer.add(episode)
             stream.flush()
         stream.disconnect()
         draft.replace(path)
@@ -157,20 +157,20 @@ class _RerunWriter:
         document = rerun.TextDocument(text, media_type="text/markdown")
         stream.log("run", document, static=True, strict=True)
 
-    def add(self, trace: Episode) -> None:
+    def add(self, episode: Episode) -> None:
         """Adds one episode; its turns follow those of the one before."""
-        self._episode, header = trace.episode, trace.header
-        turns = max(len(trace), int(header.get("turns") or 0) + 1)
-        self._log("episodes", np.array([0]), [f"episode {trace.episode}, seed {trace.seed}"])
-        for rows in agents_of(trace, self.names):
-            self._agent(rows, trace.endings.get(rows.agent))
-        if trace.states is not None and trace.states.num_rows:
-            states = AgentRows("state", trace.episode, trace.states, Spaces(None, None))
-            self._values(["state"], states.turns, states.values_of("state", trace.state_codec))
-        for turn, path in self._frames.get(trace.episode, ()):
+        self._episode, header = episode.episode, episode.header
+        turns = max(len(episode), int(header.get("turns") or 0) + 1)
+        self._log("episodes", np.array([0]), [f"episode {episode.episode}, seed {episode.seed}"])
+        for rows in agents_of(episode, self.names):
+            self._agent(rows, episode.endings.get(rows.agent))
+        if episode.states is not None and episode.states.num_rows:
+            states = AgentRows("state", episode.episode, episode.states, Spaces(None, None))
+            self._values(["state"], states.turns, states.values_of("state", episode.state_codec))
+        for turn, path in self._frames.get(episode.episode, ()):
             self._frame(turn, path)
         last = np.array([turns - 1])
-        text = f"episode {trace.episode}: {header.get('end') or 'open'} after {turns - 1} turns"
+        text = f"episode {episode.episode}: {header.get('end') or 'open'} after {turns - 1} turns"
         self._log("episodes", last, [text])
         if header.get("error"):
             self._log("episodes", last, [header["error"]], level="ERROR")

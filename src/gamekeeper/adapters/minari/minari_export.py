@@ -25,11 +25,11 @@ from gamekeeper.adapters.export_source import (
     Say,
     agents_of,
     chosen,
+    episodes_of,
     evidence_of,
     nested,
     tell,
     to_stderr,
-    traces_of,
 )
 from gamekeeper.adapters.minari.minari_agents import (
     DataSets,
@@ -168,8 +168,8 @@ def export(
     writer = _DataSetWriter(evidence, names, DataSets(_root(out), name or _namespace(evidence)))
     try:
         writer.begin(joint=joint, all_asked=not agents)
-        for trace in traces_of(evidence):
-            writer.add(trace)
+        for episode in episodes_of(evidence):
+            writer.add(episode)
         writer.sets.flush()
     except BaseException as error:
         writer.sets.discard()
@@ -233,18 +233,18 @@ class _DataSetWriter:
         elif not wanted:
             self._why_not = None
 
-    def add(self, trace: Episode) -> None:
+    def add(self, episode: Episode) -> None:
         """Adds one episode: of each agent, and of all."""
-        found = {rows.agent: rows for rows in agents_of(trace, self.names)}
+        found = {rows.agent: rows for rows in agents_of(episode, self.names)}
         for name, rows in found.items():
-            self._agent(trace, name, rows)
+            self._agent(episode, name, rows)
         if not self._is_joint:
             return
         together = together_of(found, self.evidence.spaces, self.names)
         if together is None:
             self._counts["empty joint"] += 1
         else:
-            self._put(self._key, trace, together, attributes_of(trace.header, None))
+            self._put(self._key, episode, together, attributes_of(episode.header, None))
 
     def lost(self) -> list[str]:
         """Returns losses of the data sets, a sentence each."""
@@ -256,7 +256,7 @@ class _DataSetWriter:
             found.append("states, turn by turn (`--to numpy` has them)")
         return found
 
-    def _agent(self, trace: Episode, name: str, rows: AgentRows) -> None:
+    def _agent(self, episode: Episode, name: str, rows: AgentRows) -> None:
         own = decisions_of(rows)
         if own is None or not len(own.rewards):
             self._counts["empty"] += 1
@@ -271,7 +271,7 @@ class _DataSetWriter:
         seen, did = rows.observations.taken(own.rows), rows.actions.taken(own.rows[:-1])
         ends = np.zeros((2, len(own.rewards)), bool)
         ends[:, -1] = own.terminated, own.truncated or is_cut
-        attributes = attributes_of(trace.header, name)
+        attributes = attributes_of(episode.header, name)
         if own.paid_before:
             attributes["gamekeeper/paid_before"] = own.paid_before
         data = MinariEpisode(
@@ -281,7 +281,7 @@ class _DataSetWriter:
             ends=ends,
             infos=self._infos(rows, own),
         )
-        self._put(name, trace, data, attributes)
+        self._put(name, episode, data, attributes)
 
     def _infos(self, rows: AgentRows, own: AgentEpisode) -> dict[str, Any]:
         texts = rows.texts("info")
@@ -300,12 +300,12 @@ class _DataSetWriter:
         return infos if whole is None else {**infos, "action_mask": whole}
 
     def _put(
-        self, name: str, trace: Episode, data: MinariEpisode, attributes: Mapping[str, Any]
+        self, name: str, episode: Episode, data: MinariEpisode, attributes: Mapping[str, Any]
     ) -> None:
         from minari.data_collector.episode_buffer import EpisodeBuffer
 
         buffer = EpisodeBuffer(
-            seed=trace.seed,
+            seed=episode.seed,
             observations=data.observations,
             actions=data.actions,
             rewards=data.rewards,

@@ -14,7 +14,7 @@ from typing import Any, Final
 from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
 from gamekeeper.adapters.requirements import checked
-from gamekeeper.adapters.rllib.rllib_game import RLlibGame, opened_game
+from gamekeeper.adapters.rllib.rllib_game import RLlibMultiAgentEnv, opened_game
 from gamekeeper.episodes.exception_text import said_by
 from gamekeeper.errors import ActionError, ContractError
 from gamekeeper.interface.action_mask import reader
@@ -326,7 +326,9 @@ class AgentsEnv(MultiAgentEnv):
         returns: by agent, learners and others, its return so far, under RLlib's names.
     """
 
-    def __init__(self, capture: RLlibGame, *, seed: int, episodes: Iterator[int] | None) -> None:
+    def __init__(
+        self, capture: RLlibMultiAgentEnv, *, seed: int, episodes: Iterator[int] | None
+    ) -> None:
         self.possible_agents = list(capture.sights)
         self.agents: list[str] = []
         self.observation_spaces = {a: one.observation_space for a, one in capture.sights.items()}

@@ -23,7 +23,7 @@ from gamekeeper.interface.joint_policy import Choices, JointPolicy
 from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.slim import slim
 from gamekeeper.randomness.seeds import EpisodeSeeds
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.vector.sub_env_block import put_mask
 from gamekeeper.vector.vector_form import MASK, VectorGroup, form_of
 
@@ -146,7 +146,7 @@ def _from_zero(space: spaces.Space[Any]) -> tuple[spaces.Space[Any], Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class RLlibGame:
+class RLlibMultiAgentEnv:
     """An open environment, and the part of it that RLlib plays.
 
     Attributes:
@@ -184,7 +184,7 @@ def opened_game(
     masks: bool = True,
     flatten: bool = False,
     env_kwargs: Mapping[str, Any] | None = None,
-) -> RLlibGame:
+) -> RLlibMultiAgentEnv:
     """Opens an environment, finds the agents that learn and makes the policies of the others.
 
     Raises:
@@ -198,11 +198,11 @@ def opened_game(
         learners = learners_of(sights, role, contract)
         rest = [agent for agent in sights if agent not in learners]
         require_policies(rest, others, contract)
-        policies = cast_of(others, opened.env, contract) if rest else None
+        policies = joint_policy_of(others, opened.env, contract) if rest else None
     except BaseException:
         opened.env.close()
         raise
-    return RLlibGame(
+    return RLlibMultiAgentEnv(
         env,
         opened.api,
         {str(agent): sights[agent] for agent in learners},

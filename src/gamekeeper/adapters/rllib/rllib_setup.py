@@ -30,7 +30,7 @@ from gamekeeper.adapters.rllib.rllib_game import (
     OBSERVATIONS,
     AgentView,
     Options,
-    RLlibGame,
+    RLlibMultiAgentEnv,
     opened_game,
 )
 from gamekeeper.episodes.layout import role as role_in_name
@@ -325,7 +325,7 @@ class Mapped:
         return self.modules.get(agent_id) or role_in_name(agent_id)
 
 
-def _modules(game: RLlibGame) -> dict[str, str]:
+def _modules(game: RLlibMultiAgentEnv) -> dict[str, str]:
     """By agent the name of its module: its role, where all of the role have the same spaces."""
     kinds: dict[str, list[Any]] = {}
     for name, one in game.sights.items():

@@ -159,7 +159,7 @@ class _Decisions:
             last,
             buffer._watched.seen().acting,
             gamma=buffer.gamma,
-            trace=buffer.gae_lambda,
+            gae_lambda=buffer.gae_lambda,
         )
         buffer.returns = buffer.advantages + buffer.values
         if valid.sum() < 2:  # nothing has a deviation of one

@@ -9,8 +9,8 @@ try:
 except ImportError as error:
     raise not_installed(error, "TorchRL", "torchrl", "gamekeeper.adapters.torchrl") from error
 
-from gamekeeper.adapters.torchrl.torchrl_env import GameEnv, env
+from gamekeeper.adapters.torchrl.torchrl_env import TorchRLEnv, env
 from gamekeeper.adapters.torchrl.torchrl_policy import advantages, decisions, policy
 
 VERSION = torchrl.__version__
-__all__ = ["GameEnv", "advantages", "decisions", "env", "policy"]
+__all__ = ["TorchRLEnv", "advantages", "decisions", "env", "policy"]

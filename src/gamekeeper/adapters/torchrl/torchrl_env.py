@@ -24,7 +24,7 @@ from gamekeeper.vector.vector_form import ALL
 FLAGS: Final = ("done", "terminated", "truncated")
 
 
-class GameEnv(EnvBase):
+class TorchRLEnv(EnvBase):
     """Use `env`.
 
     Attributes:
@@ -350,7 +350,7 @@ def _legal(mask: Any, choices: tuple[int, ...]) -> Any:
 
 
 TENSORS: Final = ("state", "masks", "flatten")
-"""Options of a `GameEnv`; the rest are the vector environment's."""
+"""Options of a `TorchRLEnv`; the rest are the vector environment's."""
 
 
 def env(
@@ -365,7 +365,7 @@ def env(
     device: Any = "cpu",
     env_kwargs: Mapping[str, Any] | None = None,
     **options: Any,
-) -> GameEnv:
+) -> TorchRLEnv:
     """Copies of a multi-agent environment as one `EnvBase`, agents nested in groups by role.
 
     For a group of A agents, batch size [num_envs, A]: `observation`, `action`, `reward`, `done`,
@@ -389,7 +389,7 @@ def env(
         seed: of the run; `set_seed` takes another one for the next reset.
         device: where tensors go.
         env_kwargs: handed to the environment.
-        options: of `gk.vector.make`: `engine`, `workers`, `threads`; and of `GameEnv`: `state`,
+        options: of `gk.vector.make`: `engine`, `workers`, `threads`; and of `TorchRLEnv`: `state`,
             `masks`, `flatten`.
     Raises:
         SpecError: see *refused*.
@@ -408,7 +408,7 @@ def env(
     try:
         learning = groups_of(copies, group_map, role)
         rest = others_of(copies, learning, others, spec, env_kwargs)
-        return GameEnv(
+        return TorchRLEnv(
             copies, learning, rest, is_batched=num_envs is not None, device=device, **tensors
         )
     except BaseException:

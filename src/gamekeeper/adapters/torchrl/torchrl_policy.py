@@ -17,7 +17,7 @@ from gamekeeper.adapters.decisions import decided
 from gamekeeper.adapters.requirements import not_learnt, weights_digest
 from gamekeeper.adapters.torchrl import torchrl_specs as specs
 from gamekeeper.adapters.torchrl.torchrl_agents import TorchRLAgents
-from gamekeeper.adapters.torchrl.torchrl_env import GameEnv
+from gamekeeper.adapters.torchrl.torchrl_env import TorchRLEnv
 from gamekeeper.errors import PolicyError
 from gamekeeper.interface.action_mask import reader
 from gamekeeper.vector.sub_env_block import put_mask
@@ -27,7 +27,7 @@ mask_of = reader(None)
 
 
 def policy(
-    actor: Any, env: GameEnv, *, deterministic: bool = True, version: str | None = None
+    actor: Any, env: TorchRLEnv, *, deterministic: bool = True, version: str | None = None
 ) -> ActorPolicy:
     """A policy of an actor whose agents each act on their own observation.
 
@@ -48,7 +48,7 @@ def policy(
 class ActorPolicy:
     """Use `policy`."""
 
-    def __init__(self, actor: Any, env: GameEnv, deterministic: bool, version: str) -> None:
+    def __init__(self, actor: Any, env: TorchRLEnv, deterministic: bool, version: str) -> None:
         self.actor, self.version, self._deterministic = actor, version, deterministic
         self._group_of = {str(agent): each for each in env._learning for agent in each.agents}
         self._flat = env._is_flat
@@ -110,7 +110,7 @@ def advantages(
     groups: Iterable[str],
     *,
     gamma: float = 0.99,
-    trace: float = 0.95,
+    gae_lambda: float = 0.95,
     value: str = "state_value",
 ) -> TensorDictBase:
     """Writes `advantage`, `value_target` and `decided` into each group of a collected batch.
@@ -123,7 +123,7 @@ def advantages(
         batch: [copy, step] of `env` (or [step], of one copy), with `value` [..., agent, 1] in
             each group and in each group under `next`.
         groups: names of groups.
-        gamma, trace: discount and lambda, per decision.
+        gamma, gae_lambda: discount and lambda, per decision.
         value: the key of the value estimates.
     Returns:
         The same batch. `decided` [..., agent] is False for steps in which the agent didn't act, and
@@ -157,7 +157,7 @@ def advantages(
             following[-1],
             acting[-1].astype(bool),
             gamma=gamma,
-            trace=trace,
+            gae_lambda=gae_lambda,
         )
         shape = own[value].shape
         for key, array in (("advantage", gained), ("value_target", gained + values)):

@@ -5,8 +5,6 @@ made together: it says what an agent knew when it chose, and costs one step a ro
 a round have nothing to do with each other both keep the game.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final

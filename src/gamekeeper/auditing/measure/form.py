@@ -1,7 +1,5 @@
 """Measured endings and length of episodes, order of turns, and roles that act in blocks. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from statistics import median
@@ -12,28 +10,28 @@ from gamekeeper.checks.rounds import FIXED, OTHER, kind_of_order, orders
 from gamekeeper.episodes.episode import Episode
 
 
-def lengths(traces: Sequence[Episode]) -> list[int]:
+def lengths(episodes: Sequence[Episode]) -> list[int]:
     """Ticks of the episodes that ended by themselves."""
-    return [len(orders(trace)) for trace in traces if trace.header.get("end") == "ended"]
+    return [len(orders(episode)) for episode in episodes if episode.header.get("end") == "ended"]
 
 
-def endings(traces: Sequence[Episode]) -> dict[str, Any]:
+def endings(episodes: Sequence[Episode]) -> dict[str, Any]:
     """Number of episodes in which each agent terminated, truncated, or was cut.
 
     `both` counts the episodes in which an agent did both: it counts as each of them.
     """
     by_agent: dict[str, dict[str, int]] = {}
     both = 0
-    for trace in traces:
-        ends = _ends(trace)
+    for episode in episodes:
+        ends = _ends(episode)
         both += any(len(kinds) > 1 for kinds in ends.values())
         for agent, kinds in ends.items():
             counts = by_agent.setdefault(agent, {"terminated": 0, "truncated": 0, "open": 0})
             for kind in kinds or {"open"}:
                 counts[kind] += 1
-    ended = lengths(traces)
+    ended = lengths(episodes)
     return {
-        "episodes": len(traces),
+        "episodes": len(episodes),
         "ended": len(ended),
         "both": both,
         "by_agent": dict(sorted(by_agent.items())),
@@ -43,10 +41,10 @@ def endings(traces: Sequence[Episode]) -> dict[str, Any]:
     }
 
 
-def _ends(trace: Episode) -> dict[str, set[str]]:
+def _ends(episode: Episode) -> dict[str, set[str]]:
     """Flags of each agent; none of one that was left when the episode was cut."""
     found: dict[str, set[str]] = {}
-    for turn in trace.turns:
+    for turn in episode.turns:
         for agent in turn.agents:
             flags = {"terminated": turn.terminated, "truncated": turn.truncated}
             raised = {kind for kind, each in flags.items() if each.get(agent)}

@@ -1,7 +1,5 @@
 """Measured rewards: sums, signs, shared by all agents, cancelling out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -12,7 +10,7 @@ LEAST: Final = 5
 CLOSE: Final = 1e-9
 
 
-def payments(traces: Sequence[Episode], api: str) -> dict[str, Any]:
+def payments(episodes: Sequence[Episode], api: str) -> dict[str, Any]:
     """Per agent what was paid, and whether steps paid all alike or sum to zero.
 
     `shared` and `zero_sum` are None where fewer than five steps paid anything, or only one
@@ -21,9 +19,9 @@ def payments(traces: Sequence[Episode], api: str) -> dict[str, Any]:
     by_agent: dict[str, dict[str, float]] = {}
     shared = zero = paid = 0
     most = 0
-    for trace in traces:
+    for episode in episodes:
         roster = frozenset[str]()
-        for turn in trace.turns:
+        for turn in episode.turns:
             # a tick has a row for every live agent, a turn for those alone that something befell
             roster = turn.live if api == "parallel" else (roster - turn.ended) | turn.live
             if not turn.order:
@@ -39,7 +37,7 @@ def payments(traces: Sequence[Episode], api: str) -> dict[str, Any]:
                 zero += abs(sum(amounts)) <= CLOSE * sum(map(abs, amounts))
     return {
         "by_agent": {
-            agent: {"mean_return": entry["sum"] / max(len(traces), 1), **_signs(entry)}
+            agent: {"mean_return": entry["sum"] / max(len(episodes), 1), **_signs(entry)}
             for agent, entry in sorted(by_agent.items())
         },
         "shared": shared == paid if paid >= LEAST and most > 1 else None,

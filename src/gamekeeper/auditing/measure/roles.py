@@ -1,7 +1,5 @@
 """Symmetry of roles, and whose move counts where two exclude each other. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
 
@@ -29,7 +27,7 @@ PART: Final = 0.2
 
 def symmetric(
     shapes: Sequence[EpisodeShape],
-    traces: Sequence[Episode],
+    episodes: Sequence[Episode],
     roles: Mapping[str, Sequence[str]],
     first_comes: Mapping[str, str],
 ) -> dict[str, dict[str, Any]] | None:
@@ -37,7 +35,7 @@ def symmetric(
 
     Args:
         shapes: episodes whose fares are permuted among the agents that were there at the start.
-        traces: rollouts, likewise; each of the two has half of the level.
+        episodes: rollouts, likewise; each of the two has half of the level.
         roles: the agents of each.
         first_comes: roles in which an order of names decides, and the reason.
     """
@@ -51,7 +49,7 @@ def symmetric(
             value = exchangeable(rows, there)
             if value is not None:
                 p_values[name] = value
-    for name, value in p_by_role(traces, roles).items():
+    for name, value in p_by_role(episodes, roles).items():
         p_values[name] = min(1.0, 2 * min(value, p_values.get(name, 1.0)))
     corrected = dict(zip(p_values, holm(list(p_values.values())), strict=True))
     found: dict[str, dict[str, Any]] = {}
@@ -63,7 +61,7 @@ def symmetric(
         found[name] = {
             "seems": seems,
             "p": None if p is None else round(p, 4),
-            "n": len(shapes) + len(traces),
+            "n": len(shapes) + len(episodes),
         }
         if name in first_comes:
             found[name]["why"] = first_comes[name]

@@ -3,8 +3,6 @@
 Every look stands against the unchanged rerun, and stops where that differs. Pure.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Probe of an AEC environment's books: `last()`, `rewards`, resets."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from numbers import Real
 from typing import Any, Final
@@ -29,7 +27,7 @@ NEAR: Final = 1e-3
 def books(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Books of an AEC environment: `last()` itself, what stands in `rewards`, resets.
 
-    The trace; then the same play with marked rewards, and once more, cut by a reset.
+    The episode; then the same play with marked rewards, and once more, cut by a reset.
 
     Facts:
         `LastRewards`, `MarkedReward`, `OwedAfterReset`.
@@ -45,7 +43,7 @@ def books(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         paid.append(_book(session, env, "rewards"))
 
     played = session.play(play, env, watch=watch, state=False)
-    yield played.trace
+    yield played.episode
     yield session.fact(LastRewards(told), field="cumulative_reward")
     if not any(paid):
         return
@@ -62,7 +60,7 @@ def _marks(
     """
     live = [
         turn.index
-        for turn in played.trace.turns
+        for turn in played.episode.turns
         if turn.order and turn.order[0] not in turn.ended and not turn.raised
     ]
     places = [turn for turn in live if turn < len(paid) and paid[turn]][:MOST_MARKS]

@@ -1,7 +1,5 @@
 """Probes of copies of an environment and of its conversion to Parallel."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import random
@@ -49,33 +47,33 @@ def copies(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `CopiedEnv`.
     """
     base = session.play(play, state=False)
-    paper = base.play.actions or ()
-    if not paper:
+    script = base.play.actions or ()
+    if not script:
         return
-    told, again = _whole(session, play, paper), _whole(session, play, paper)
-    differs_by_itself = len(told) != len(paper) or _first_divergence(told, again) is not None
+    told, again = _whole(session, play, script), _whole(session, play, script)
+    differs_by_itself = len(told) != len(script) or _first_divergence(told, again) is not None
     if differs_by_itself or not all(told):  # or a step gives nothing in the promised form
         return
     for way, duplicate in WAYS.items():
-        facts = list(_copied(session, play, way, duplicate, paper, told))
+        facts = list(_copied(session, play, way, duplicate, script, told))
         yield from facts
         if way == "deepcopy" and not any(map(_is_wrong, facts)):
-            yield _apart(session, play, paper, told)
+            yield _apart(session, play, script, told)
 
 
 def _apart(
-    session: ProbeSession, play: EpisodePlan, paper: Sequence[Any], told: list[Told]
+    session: ProbeSession, play: EpisodePlan, script: Sequence[Any], told: list[Told]
 ) -> Fact[CopiedEnv]:
     """Result of a copy that goes on while its original plays another episode."""
-    env, at = session.env(), len(paper) // 2
+    env, at = session.env(), len(script) // 2
     _begin(session, env, play)
-    _tell(session, env, paper[:at])
+    _tell(session, env, script[:at])
     made = copy.deepcopy(env)
     dice = random.getstate(), np.random.get_state()
     session.call("reset", env.reset, seed=(play.seed or 0) + ELSEWHERE)
     random.setstate(dice[0])
     np.random.set_state(dice[1])
-    ours = _tell(session, made, paper[at:])
+    ours = _tell(session, made, script[at:])
     session.call("close", made.close)
     first = _first_divergence(told[at:], ours)
     turn = None if first is None else at + first[0] + 1
@@ -90,33 +88,33 @@ def _copied(
     play: EpisodePlan,
     way: str,
     duplicate: Callable[[Any], Any],
-    paper: Sequence[Any],
+    script: Sequence[Any],
     told: list[Told],
 ) -> Iterator[Fact[CopiedEnv]]:
     """Copies made in one way at several moments of one play, up to the first that goes astray."""
     env = session.env()
     _begin(session, env, play)
-    count = len(paper)
+    count = len(script)
     moments = sorted({count * k // MOMENTS for k in range(1, MOMENTS)})
-    _tell(session, env, paper[: moments[0]])
+    _tell(session, env, script[: moments[0]])
     for at, until in pairwise((*moments, count)):
         after = count if at == count // 2 else min(at + SHORT, count)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             made = session.call(way, duplicate, env)
-        fact = _beside(session, way, (env, made), paper, told, (at, until, after))
+        fact = _beside(session, way, (env, made), script, told, (at, until, after))
         if not _is_wrong(fact):
             yield fact
             continue
         if at != moments[0]:  # an earlier copy may be to blame: once more where there was none
             env = session.env()
             _begin(session, env, play)
-            _tell(session, env, paper[:at])
+            _tell(session, env, script[:at])
             alone = _beside(
                 session,
                 way,
                 (env, session.call(way, duplicate, env)),
-                paper,
+                script,
                 told,
                 (at, count, count),
             )
@@ -134,7 +132,7 @@ def _beside(
     session: ProbeSession,
     way: str,
     pair: tuple[Any, Called],
-    paper: Sequence[Any],
+    script: Sequence[Any],
     told: list[Told],
     turns: tuple[int, int, int],
 ) -> Fact[CopiedEnv]:
@@ -153,10 +151,10 @@ def _beside(
         return session.fact(CopiedEnv(refused, None, None, at), field=way)
     # who draws from the global generators is told so elsewhere: here both go on from one place
     dice = random.getstate(), np.random.get_state()
-    ours = _tell(session, made.value, paper[at:after])
+    ours = _tell(session, made.value, script[at:after])
     random.setstate(dice[0])
     np.random.set_state(dice[1])
-    theirs = _tell(session, env, paper[at:until])
+    theirs = _tell(session, env, script[at:until])
     session.call("close", made.value.close)
     unsteppable = None
     if ours and ours[0][0][0] == "raises" and told[at][0][0] != "raises":
@@ -182,10 +180,10 @@ def _begins_anew(env: Any) -> bool:
     return issubclass(inner, EzPickle) and inner.__getstate__ is EzPickle.__getstate__
 
 
-def _whole(session: ProbeSession, play: EpisodePlan, paper: Sequence[Any]) -> list[Told]:
+def _whole(session: ProbeSession, play: EpisodePlan, script: Sequence[Any]) -> list[Told]:
     env = session.env()
     _begin(session, env, play)
-    return _tell(session, env, paper)
+    return _tell(session, env, script)
 
 
 def _begin(session: ProbeSession, env: Any, play: EpisodePlan) -> None:
@@ -196,10 +194,10 @@ def _begin(session: ProbeSession, env: Any, play: EpisodePlan) -> None:
     )
 
 
-def _tell(session: ProbeSession, env: Any, paper: Sequence[Any]) -> list[Told]:
+def _tell(session: ProbeSession, env: Any, script: Sequence[Any]) -> list[Told]:
     """Steps, and tells of each step all that it gave."""
     told = []
-    for actions in actions_of(paper):
+    for actions in actions_of(script):
         told.append(_step(session, env, dict(actions)))
         if (told[-1] and told[-1][0][0] == "raises") or not getattr(env, "agents", None):
             break
@@ -309,13 +307,13 @@ def conversion(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         yield _cycles(session, play, list(played.play.actions or ()))
 
 
-def _cycles(session: ProbeSession, play: EpisodePlan, paper: list[Actions]) -> Saw:
+def _cycles(session: ProbeSession, play: EpisodePlan, script: list[Actions]) -> Saw:
     """Plays the same actions turn by turn, and compares what was seen within each cycle."""
     env = session.env()
     looks, found, seen_at = 0, None, None
     if session.call("reset", env.reset, seed=play.seed).failed is not None:
-        paper = []
-    for tick, actions in enumerate(paper):
+        script = []
+    for tick, actions in enumerate(script):
         agents = [a for a in env.agents if not (env.terminations[a] or env.truncations[a])]
         shown = {a: snapshot(session.call("observe", env.observe, a).value) for a in agents}
         acted: list[Any] = []

@@ -1,7 +1,5 @@
 """Probes of cost: lines of Python and memory, never the clock."""
 
-from __future__ import annotations
-
 import gc
 import sys
 import tracemalloc
@@ -38,7 +36,7 @@ class Work:
 
 @contextmanager
 def traced_memory() -> Iterator[None]:
-    """Memory is traced in here; where somebody traces it already, they go on doing so."""
+    """Memory is traced in here; where somebody episodes it already, they go on doing so."""
     is_traced = tracemalloc.is_tracing()
     gc.freeze()  # what is there already needn't be gone through at every collection
     if not is_traced:
@@ -101,7 +99,7 @@ def long(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     The work of each turn of a play, that was played once before for its actions.
 
-    A play on paper shows nothing: it would be a shorter one, and length is what this is about.
+    A scripted play shows nothing: it would be a shorter one, and length is what this is about.
 
     Facts:
         `TurnWork`.
@@ -154,16 +152,16 @@ def repeated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `EpisodeWork`.
     """
     env = session.env()
-    paper = session.play(play, env, state=False).play.actions or ()
-    if not paper:
+    script = session.play(play, env, state=False).play.actions or ()
+    if not script:
         return
     lines, passing, sizes = (array("q", [0] * EPISODES) for _ in range(3))  # take no more memory
     with traced_memory():
         for k in range(EPISODES):
             session.meter.count(
-                RESET_STEPS + len(paper)
+                RESET_STEPS + len(script)
             )  # outside: signs of life take lines of their own
-            done, work = work_of(lambda: _episode(session, env, play, paper))
+            done, work = work_of(lambda: _episode(session, env, play, script))
             if not done:
                 return
             gc.collect()
@@ -173,11 +171,11 @@ def repeated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     yield session.fact(value, field="episodes")
 
 
-def _episode(session: ProbeSession, env: Any, play: EpisodePlan, paper: tuple[Any, ...]) -> bool:
+def _episode(session: ProbeSession, env: Any, play: EpisodePlan, script: tuple[Any, ...]) -> bool:
     """Tells whether the episode could be played."""
     if session.call("reset", env.reset, seed=play.seed, options=play.options).failed is not None:
         return False
-    for actions in paper:
+    for actions in script:
         if not env.agents:
             break
         if session.api == "aec":

@@ -21,7 +21,7 @@ from gamekeeper.auditing.outcomes import (
 )
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
-from gamekeeper.checks.facts.play_facts import OrderOutcome
+from gamekeeper.checks.facts.episode_facts import OrderOutcome
 from gamekeeper.interface.generators import is_still
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder, reordered
@@ -59,7 +59,7 @@ class FirstDivergence:
     """A play in which the other order parts from the first.
 
     Attributes:
-        play: its actions are on paper.
+        play: its actions are scripted.
         order: the name of the other order.
         turn: steps after which the difference shows.
         seen: digests of what the first order gave there.

@@ -1,7 +1,5 @@
 """Probe of the game form: whole episodes, and moves replaced along them, one at a time."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -48,13 +46,13 @@ def rounds_of(steps: Sequence[BranchStep], first: Iterable[Any], api: str) -> li
     return found
 
 
-def shape(paper: EpisodeSteps, *, is_over: bool, api: str) -> EpisodeShape:
+def shape(script: EpisodeSteps, *, is_over: bool, api: str) -> EpisodeShape:
     """The shape of an episode; of one that was cut only whole rounds count for fares."""
     movers: dict[int, list[str]] = {}
     endings, joined, left = [], [], []
     live: dict[int, int] = {}
-    roster, ended = set(paper.first), set[Any]()
-    for place, (step, number) in enumerate(zip(paper.steps, paper.rounds, strict=True)):
+    roster, ended = set(script.first), set[Any]()
+    for place, (step, number) in enumerate(zip(script.steps, script.rounds, strict=True)):
         movers.setdefault(number, []).extend(map(agent_name, step.given))
         new = [agent for agent in step.ended if agent not in ended]
         if new:
@@ -66,21 +64,21 @@ def shape(paper: EpisodeSteps, *, is_over: bool, api: str) -> EpisodeShape:
         roster, ended = set(step.roster), set(step.ended)
     return EpisodeShape(
         rounds=tuple(tuple(each) for _, each in sorted(movers.items()) if each),
-        first=tuple(map(agent_name, paper.first)),
+        first=tuple(map(agent_name, script.first)),
         endings=tuple(endings),
         joined=tuple(joined),
         left=tuple(left),
         live=live,
-        fares=_fares(paper, is_whole=is_over or api == "parallel"),
+        fares=_fares(script, is_whole=is_over or api == "parallel"),
         is_over=is_over,
     )
 
 
-def _fares(paper: EpisodeSteps, *, is_whole: bool) -> dict[str, tuple[float, ...]]:
+def _fares(script: EpisodeSteps, *, is_whole: bool) -> dict[str, tuple[float, ...]]:
     """By agent: rewards, their magnitudes, payments, actions, and whether it terminated."""
-    last = None if is_whole or not paper.rounds else paper.rounds[-1]
-    found: dict[Any, list[float]] = {agent: [0.0] * 5 for agent in paper.first}
-    for step, number in zip(paper.steps, paper.rounds, strict=True):
+    last = None if is_whole or not script.rounds else script.rounds[-1]
+    found: dict[Any, list[float]] = {agent: [0.0] * 5 for agent in script.first}
+    for step, number in zip(script.steps, script.rounds, strict=True):
         if number == last:
             break
         for agent, paid in step.rewards.items():
@@ -151,7 +149,7 @@ def form(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         yield session.fact(FormError("an episode", done.said))
         return
     forms = done.value
-    yield session.fact(shape(forms.paper, is_over=forms.is_over, api=session.api))
+    yield session.fact(shape(forms.script, is_over=forms.is_over, api=session.api))
     trials: list[Any] = []
     with kept_global_generators():
         tried = session.call("branches", lambda: trials.extend(forms.trials()))
@@ -179,14 +177,14 @@ class _Forms:
             steps.append(board.step(self._chosen(board)))
         self.is_over = board.is_over
         self._is_global = states() != before  # it draws from generators of the whole process
-        self.paper = EpisodeSteps(play.seed, first, steps, rounds_of(steps, first, session.api))
+        self.script = EpisodeSteps(play.seed, first, steps, rounds_of(steps, first, session.api))
 
     def trials(self) -> Iterator[MoveTrial | DrawnPriority | UnsettledMoves]:
         """Yields what replaced moves changed, as far as the unchanged rerun agrees."""
         ahead = AHEAD if self._stream % LONG == LONG - 1 else 1
         spots = self._spots(ahead)
         boards, settled = self._led({step for spot in spots for step in spot})
-        if settled < len(self.paper.steps):
+        if settled < len(self.script.steps):
             self._session.unlike[:] = self._session.unlike or [self._plan()]
             yield UnsettledMoves(settled)
         if self._can_copy and spots:
@@ -198,7 +196,7 @@ class _Forms:
         for spot in spots:
             found = []
             for step in spot:
-                for agent in self._few(list(self.paper.steps[step].given)):
+                for agent in self._few(list(self.script.steps[step].given)):
                     trial = self._trial(boards, step, agent, ahead, settled)
                     if trial is not None:
                         found.append(trial)
@@ -209,7 +207,7 @@ class _Forms:
                     yield priority
 
     def _plan(self) -> EpisodePlan:
-        actions = tuple(dict(step.actions or {}) for step in self.paper.steps)
+        actions = tuple(dict(step.actions or {}) for step in self.script.steps)
         return EpisodePlan(self._seed, self._stream, actions, max(len(actions), 1))
 
     def _chosen(self, board: Board) -> dict[Any, Any]:
@@ -238,15 +236,15 @@ class _Forms:
     def _spots(self, ahead: int) -> list[list[int]]:
         """The steps of some rounds, so many that branches take no more than their part."""
         by_round: dict[int, list[int]] = {}
-        for step, number in enumerate(self.paper.rounds):
-            if self.paper.steps[step].given:
+        for step, number in enumerate(self.script.rounds):
+            if self.script.steps[step].given:
                 by_round.setdefault(number, []).append(step)
         if not by_round:
             return []
         size = max(map(len, by_round.values()))
-        movers = max(len(each.given) for each in self.paper.steps) if size == 1 else size
+        movers = max(len(each.given) for each in self.script.steps) if size == 1 else size
         cost = size * (ahead + 1) * min(movers, MOST_MOVERS)
-        count = max(PER_STEP * len(self.paper.steps) // max(cost, 1), 1)
+        count = max(PER_STEP * len(self.script.steps) // max(cost, 1), 1)
         numbers = self._rng.permutation(len(by_round))[:count]
         spots = [by_round[sorted(by_round)[at]] for at in numbers]
         return [
@@ -261,7 +259,7 @@ class _Forms:
         boards: dict[int, Board] = {}
         board = Board(self._session, self._env, shared=spaces_in(self._env))
         board.reset(self._seed)
-        for place, written in enumerate(self.paper.steps):
+        for place, written in enumerate(self.script.steps):
             if written.given.keys() != board.given.keys() or written.actions is None:
                 return boards, place
             if place in at and self._can_copy:
@@ -274,21 +272,21 @@ class _Forms:
                 self._stands[place] = standing(board.env)
             if not is_same:
                 return boards, place
-        return boards, len(self.paper.steps)
+        return boards, len(self.script.steps)
 
     def _copies_well(self, boards: Mapping[int, Board], settled: int, ahead: int) -> bool:
         """Tells whether a copy goes on as its original did; many build themselves anew instead."""
         step = min(boards)
-        steps = branch(boards[step].taken_up(), self.paper, step, {}, ahead, self._fitting)
+        steps = branch(boards[step].taken_up(), self.script, step, {}, ahead, self._fitting)
         return all(
-            _is_same(each, self.paper.steps[place]) for place, each in steps if place < settled
+            _is_same(each, self.script.steps[place]) for place, each in steps if place < settled
         )
 
     def _affordable(self, spots: Sequence[Sequence[int]], ahead: int) -> int:
         """Number of the spots that branches afford which begin at the reset; one at least."""
-        left, count = float(PER_STEP * len(self.paper.steps)), 0
+        left, count = float(PER_STEP * len(self.script.steps)), 0
         for spot in spots:
-            movers = max(len(spot), min(len(self.paper.steps[spot[0]].given), MOST_MOVERS))
+            movers = max(len(spot), min(len(self.script.steps[spot[0]].given), MOST_MOVERS))
             left -= movers * (spot[0] + (ahead + 1) * len(spot))
             count += left >= 0
         return max(count, 1)
@@ -299,7 +297,7 @@ class _Forms:
             return boards[step].taken_up()
         board = Board(self._session, self._env)
         board.reset(self._seed)
-        for written in self.paper.steps[:step]:
+        for written in self.script.steps[:step]:
             board.step(written.actions or {})
         return board
 
@@ -310,7 +308,7 @@ class _Forms:
         self, boards: Mapping[int, Board], step: int, agent: Any, ahead: int, settled: int
     ) -> tuple[MoveTrial, Any] | None:
         """One move replaced; None where there is no other, or the rerun differs before it."""
-        written = self.paper.steps[step]
+        written = self.script.steps[step]
         own = (written.actions or {})[agent]
         is_found, action = other_action(
             self._space(agent), written.given[agent].mask, own, self._rng
@@ -318,7 +316,7 @@ class _Forms:
         if not is_found or step >= settled:
             return None
         board = self._arrived(boards, step)
-        steps = branch(board, self.paper, step, {agent: action}, ahead, self._fitting)
+        steps = branch(board, self.script, step, {agent: action}, ahead, self._fitting)
         looks: list[MoveLook] = []
         is_moved = is_shifted = False
         for place, changed in steps:
@@ -326,14 +324,14 @@ class _Forms:
                 break
             if place == step in self._stands:
                 is_shifted = not _alike(self._stands[step], standing(board.env))
-            base = self.paper.steps[place]
+            base = self.script.steps[place]
             if changed.actions is None:
-                before = self.paper.steps[place - 1]
+                before = self.script.steps[place - 1]
                 is_alike = changed.ended == before.ended and bool(base.given and changed.given)
                 is_moved = is_alike and base.given.keys() != changed.given.keys()
             looks += self._looks(step, place, changed)
         movers = tuple(agent_name(each) for each in self._movers(step))
-        number = self.paper.rounds[step]
+        number = self.script.rounds[step]
         name = agent_name(agent)
         seen = tuple(looks), ahead, is_moved, is_shifted
         trial = MoveTrial(name, number, step, movers, *seen)
@@ -341,17 +339,17 @@ class _Forms:
 
     def _last_of(self, number: int) -> int:
         """The last step of a round at which an agent moved; ended ones step after it."""
-        steps = self.paper.steps
-        places = (k for k, each in enumerate(self.paper.rounds) if each == number)
+        steps = self.script.steps
+        places = (k for k, each in enumerate(self.script.rounds) if each == number)
         return max(k for k in places if steps[k].given)
 
     def _movers(self, step: int) -> list[Any]:
-        number = self.paper.rounds[step]
-        places = (k for k, each in enumerate(self.paper.rounds) if each == number)
-        return [agent for k in places for agent in self.paper.steps[k].given]
+        number = self.script.rounds[step]
+        places = (k for k, each in enumerate(self.script.rounds) if each == number)
+        return [agent for k in places for agent in self.script.steps[k].given]
 
     def _looks(self, step: int, place: int, changed: BranchStep) -> Iterator[MoveLook]:
-        base, rounds = self.paper.steps[place], self.paper.rounds
+        base, rounds = self.script.steps[place], self.script.rounds
         lag = rounds[place] - rounds[step]
         is_early = place < self._last_of(rounds[step])
 
@@ -409,11 +407,11 @@ class _Forms:
         actions: Mapping[str, Any],
     ) -> DrawnPriority | None:
         """Effects of both on each other by future; None: a move changes how many are drawn."""
-        written = self.paper.steps[step].actions or {}
+        written = self.script.steps[step].actions or {}
         names = {agent_name(agent): agent for agent in written}
         first, second = (names[name] for name in pair)
         # what made way for the other is likely to do so for the other's move too
-        yields = self._fitting(second, self.paper.steps[step].given[second].mask, actions[pair[0]])
+        yields = self._fitting(second, self.script.steps[step].given[second].mask, actions[pair[0]])
         is_other = value_digest(yields) != value_digest(written[second])
         its = yields if is_other else actions[pair[1]]
         changes: tuple[dict[Any, Any], ...] = ({}, {first: actions[pair[0]]}, {second: its})

@@ -1,7 +1,5 @@
 """Probes of values that are handed out or handed over, kept and compared later."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -207,12 +205,12 @@ def _is_writable(actions: Mapping[Any, Any]) -> bool:
     )
 
 
-def _compared(session: ProbeSession, play: EpisodePlan, paper: list[dict[Any, Any]]) -> Saw:
+def _compared(session: ProbeSession, play: EpisodePlan, script: list[dict[Any, Any]]) -> Saw:
     """Steps with actions of its own and compares them after each step."""
     env = session.env()
     looks, changed = 0, None
     session.call("reset", env.reset, **_reset(play))
-    for each in paper:
+    for each in script:
         own = {agent: _again(action) for agent, action in each.items()}
         handed: Any = own
         if session.api == "aec":

@@ -1,7 +1,5 @@
 """Probes of actions that are illegal, rare, or come from agents that have ended."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -50,10 +48,10 @@ def illegal(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         return
     unchanged_rerun = session.play(played.play, env, state=False)
     is_alike = (
-        compare(played.trace, unchanged_rerun.trace).divergence is None
+        compare(played.episode, unchanged_rerun.episode).divergence is None
         and unchanged_rerun.failed is None
     )
-    turns = list(played.trace.turns)
+    turns = list(played.episode.turns)
     for case in _cases(session, played, turns):
         done = _tried(session, env, played, case)
         if done is None:
@@ -92,28 +90,28 @@ def _cases(session: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> I
     actions = played.play.actions or ()
     moves = [
         (place, agent)
-        for place, paper in enumerate(actions)
-        for agent, action in paper.items()
+        for place, script in enumerate(actions)
+        for agent, action in script.items()
         if action is not None
     ]
     if not moves:
         return
     place, agent = moves[-1]
-    paper = actions[place]
+    script = actions[place]
     paid = turns[place].rewards.get(agent_name(agent))
     space = session.space_of(agent)
     strange: list[tuple[str, Any]] = [("none", None)]
     strange += [] if space is None else _outside(space)
     if space is not None and not turns[place].masks:
-        strange += _rare(space, paper[agent])
+        strange += _rare(space, script[agent])
     for name, action in strange:
-        yield _Case(name, place, agent, {**paper, agent: action}, paid)
+        yield _Case(name, place, agent, {**script, agent: action}, paid)
     if session.api == "parallel":
-        rest = {each: action for each, action in paper.items() if each != agent}
+        rest = {each: action for each, action in script.items() if each != agent}
         yield _Case("missing", place, agent, rest, paid)
         known = {agent_name(each) for turn in actions for each in turn} | session.agents.keys()
         stranger = next(name for name in map(STRANGER.format, count()) if name not in known)
-        yield _Case("stranger", place, agent, {**paper, stranger: paper[agent]}, paid)
+        yield _Case("stranger", place, agent, {**script, stranger: script[agent]}, paid)
     yield from _masked(session, played, turns)
 
 
@@ -228,32 +226,32 @@ def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """
     env = session.env()
     played = session.play(play, env, state=False)
-    yield played.trace
+    yield played.episode
     extra = _extra(played)
     if extra is None:
         return
     cut = _cut(played, extra)
     first, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
-    courses = []
+    outcomes = []
     for way in ({}, {}, first, other):
-        course, raised = _course(session, env, cut, way)
+        outcome, raised = _answers(session, env, cut, way)
         if raised is not None:
             if not way:
                 return  # nor can it be played without them
             refused = EndedActions(agents=list(extra), raised=raised, turn=None)
             yield session.fact(refused, field="ended_acts")
             return
-        courses.append(course)
-    if courses[0] != courses[1]:  # what state() gives may hold more than the game
-        courses = [[(text, b"") for text, _ in course] for course in courses]
-    if courses[0] != courses[1]:
+        outcomes.append(outcome)
+    if outcomes[0] != outcomes[1]:  # what state() gives may hold more than the game
+        outcomes = [[(text, b"") for text, _ in outcome] for outcome in outcomes]
+    if outcomes[0] != outcomes[1]:
         return  # it isn't the same game twice: nothing can be blamed on the actions
     turn = next(
-        (t for t, given in enumerate(zip(*courses, strict=False)) if len({*given}) > 1), None
+        (t for t, given in enumerate(zip(*outcomes, strict=False)) if len({*given}) > 1), None
     )
     value = EndedActions(agents=list(extra), raised=None, turn=turn)
     end = len(cut.actions or ()) if turn is None else turn
-    is_in_state = len({tuple(text for text, _ in course) for course in courses}) == 1
+    is_in_state = len({tuple(text for text, _ in outcome) for outcome in outcomes}) == 1
     proof = _proof(extra, with_state=turn is not None and is_in_state)
     yield session.fact(value, turn=end, field="ended_acts", proof=proof)
 
@@ -278,7 +276,7 @@ def _cut(played: EpisodeResult, extra: Mapping[Any, Any]) -> EpisodePlan:
     return replace(played.play, actions=turns[: end + 1 + BEYOND])
 
 
-def _course(
+def _answers(
     session: ProbeSession, env: Any, play: EpisodePlan, extra: Mapping[Any, Any]
 ) -> tuple[list[tuple[str, bytes]], str | None]:
     """Text of each call where ended agents act too, with the state after it; and the exception."""
@@ -308,7 +306,7 @@ def _proof(extra: Mapping[Any, tuple[Any, Any]], *, with_state: bool) -> Reprodu
     once, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
     state = "        given.append(env.state())\n" if with_state else ""
     lines = f"""\
-def course(gone):
+def answers(gone):
     \"\"\"What a play gives in which those who have ended act too.\"\"\"
     env = make()
     given = [env.reset(seed=SEED)[0]]
@@ -320,5 +318,5 @@ def course(gone):
 {state}    return given
 
 for gone in ({literal(once)}, {literal(other)}):
-    np.testing.assert_equal(course(gone), course({{}}))"""
+    np.testing.assert_equal(answers(gone), answers({{}}))"""
     return Reproducer(lines, plays=False)

@@ -1,15 +1,13 @@
 """Probes of what plays share: global generators, other instances, other processes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
-from gamekeeper.auditing.elsewhere import hash_seeds, played_elsewhere, reason_against
 from gamekeeper.auditing.meeting import meeting
+from gamekeeper.auditing.other_process import hash_seeds, played_elsewhere, reason_against
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.checks.facts.seed_facts import (
@@ -80,9 +78,9 @@ def generators(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     change = GlobalGeneratorsDisturbed()
     with held(OTHER):
         disturbed = session.play(base.play, session.env(), change=change)
-    is_same = session.divergence(base.trace, disturbed.trace) is None
+    is_same = session.divergence(base.episode, disturbed.episode) is None
     unchanged_rerun = base if is_same else session.fresh(base.play)
-    yield session.beside(base.trace, unchanged_rerun.trace, disturbed.trace, change.to_json())
+    yield session.beside(base.episode, unchanged_rerun.episode, disturbed.episode, change.to_json())
 
 
 APART: Final = 500
@@ -102,35 +100,35 @@ def alternated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     seed = (base.play.seed or 0) + APART
     turns = max(len(base.play.actions or ()), 1)
     other = session.fresh(EpisodePlan(seed, base.play.stream + APART, most_turns=turns))
-    course = other.play.actions or ()
+    actions = other.play.actions or ()
     with held():
         env = session.env()
         with held():
             beside = session.env()
-        counterfactual = session.play(base.play, env, watch=_Beside(session, beside, seed, course))
+        counterfactual = session.play(base.play, env, watch=_Beside(session, beside, seed, actions))
     unchanged_rerun = base
-    if session.divergence(base.trace, counterfactual.trace) is not None:
+    if session.divergence(base.episode, counterfactual.episode) is not None:
         unchanged_rerun = session.fresh(base.play)
-        yield session.fact(OtherInstance(seed, course))
+        yield session.fact(OtherInstance(seed, actions))
     change = {"change": "another instance beside"}
-    yield session.beside(base.trace, unchanged_rerun.trace, counterfactual.trace, change)
+    yield session.beside(base.episode, unchanged_rerun.episode, counterfactual.episode, change)
 
 
 class _Beside:
     """Resets the other instance right after the first one's reset, and steps it at every turn."""
 
     def __init__(
-        self, session: ProbeSession, env: Any, seed: int, course: tuple[Actions, ...]
+        self, session: ProbeSession, env: Any, seed: int, actions: tuple[Actions, ...]
     ) -> None:
-        self._session, self._env, self._seed, self._course = session, env, seed, course
+        self._session, self._env, self._seed, self._actions = session, env, seed, actions
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """Steps the other instance; its exceptions and global draws have no effect here."""
         with held():
             if turn == 0:
                 self._session.call("reset", self._env.reset, seed=self._seed)
-            elif turn <= len(self._course):
-                self._step(self._course[turn - 1])
+            elif turn <= len(self._actions):
+                self._step(self._actions[turn - 1])
 
     def _step(self, actions: Actions) -> None:
         if self._session.api == "aec":
@@ -183,12 +181,12 @@ def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         there = played_elsewhere(session, base, seed)
         if there is None:
             return
-        if session.divergence(base.trace, there) is None:
-            yield _elsewhere(session, base.trace, base.trace, there, seed)
+        if session.divergence(base.episode, there) is None:
+            yield _elsewhere(session, base.episode, base.episode, there, seed)
             continue
-        unchanged_rerun = session.fresh(base.play).trace
+        unchanged_rerun = session.fresh(base.play).episode
         yield session.fact(HashSeed(seed))
-        first = base.trace
+        first = base.episode
         if session.divergence(first, unchanged_rerun) is not None:
             yield session.fact(SettledElsewhere(_is_settled_elsewhere(session, base, there, seed)))
         else:
@@ -229,8 +227,8 @@ def _is_settled_elsewhere(
     A rare draw that nobody seeded leaves two plays equal by chance: as often as plays here are
     equal. So as many processes must agree as chance lets agree in one of 1,000 cases.
     """
-    here = (session.fresh(base.play).trace for _ in range(HERE))
-    alike = sum(session.divergence(base.trace, each) is None for each in here)
+    here = (session.fresh(base.play).episode for _ in range(HERE))
+    alike = sum(session.divergence(base.episode, each) is None for each in here)
     chance = (alike + 1) / (HERE + 2)  # Laplace's rule of succession
     needed = math.ceil(math.log(BY_CHANCE) / math.log(chance))
     if needed > MOST_PROCESSES:

@@ -1,7 +1,5 @@
 """Probe of a life cycle: resets, steps out of their order, closing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -167,7 +165,7 @@ def lifecycle(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     sight = StartAndEnd(session)
     base = session.play(play, env, watch=sight.watch, state=False)
     sight.settle(env)
-    yield base.trace
+    yield base.episode
     if base.is_over and not session.call("agents", getattr, env, "agents").value:
         yield _after_end(session, env, base)
     yield from _resets(session, env, base, sight)

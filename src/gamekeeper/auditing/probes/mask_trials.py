@@ -1,7 +1,5 @@
 """Probe of action masks: every action tried at a turn, beside the masks of others and of later."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -51,7 +49,7 @@ def mask_trials(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     base = session.play(play, session.env(), state=False)
     spots = [
         (turn, agent, flags)
-        for turn in base.trace.turns
+        for turn in base.episode.turns
         for agent in turn.order
         if (flags := _flags(session, turn, agent)) is not None and not flags.all()
     ]
@@ -131,7 +129,7 @@ def _others(
             ahead = (names.index(name) - names.index(agent)) % len(names)
             yield f"the mask of the agent {ahead} places on in possible_agents", other
     later = min(MOST_LATER, len(names) + 1) if session.api == "aec" else 1
-    turns = {each.index: each for each in base.trace.turns}
+    turns = {each.index: each for each in base.episode.turns}
     for lag in range(1, later + 1):
         then = turns.get(turn.index + lag)
         order = () if then is None else then.order if session.api == "aec" else (agent,)

@@ -1,7 +1,5 @@
 """Moves of a play as its agents see them, how long a play may be, and other legal actions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -10,7 +8,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.random import Generator
 
-from gamekeeper.auditing.bulk import most_turns
+from gamekeeper.auditing.evidence_memory import most_turns
 from gamekeeper.auditing.probe_session import ProbeSession
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.episode import Episode
@@ -23,11 +21,11 @@ FILM_BYTES: Final = 32 << 20
 """Observations of one play, as far as a probe that plays a handful of times keeps them."""
 
 
-def moves(trace: Episode) -> int:
+def moves(episode: Episode) -> int:
     """The number of turns at which some agent observed something else than it last did."""
     seen: dict[str, Any] = {}
     count = 0
-    for turn in trace.turns:
+    for turn in episode.turns:
         now = turn.observations
         count += any(agent in seen and not equal(seen[agent], now[agent]) for agent in now)
         seen.update(now)
@@ -48,7 +46,7 @@ def affordable(session: ProbeSession, turns: int, size_bytes: int = FILM_BYTES) 
 
 
 def cut(play: EpisodePlan, turns: int) -> EpisodePlan:
-    """The first turns of a play whose actions are on paper."""
+    """The first turns of a play whose actions are scripted."""
     actions = (play.actions or ())[:turns]
     return replace(play, actions=actions, most_turns=max(len(actions), 1))
 

@@ -1,7 +1,5 @@
 """Probe of the options of resets: those that a reset asks for, and what is left of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
@@ -68,11 +66,11 @@ def options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             first = session.fresh(replace(base.play, options={key: value}))
             if first.failed is not None and first.failed.call == "reset":
                 continue
-            if session.divergence(base.trace, first.trace) is None:
+            if session.divergence(base.episode, first.episode) is None:
                 continue
             after = _after(session, replace(before, options={key: value}), base.play)
             change = {"change": "options before", "option": key, "value": value}
-            yield session.beside(plain.trace, again.trace, after.trace, change)
+            yield session.beside(plain.episode, again.episode, after.episode, change)
             break
 
 

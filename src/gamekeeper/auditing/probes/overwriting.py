@@ -13,15 +13,15 @@ from numpy.random import Generator
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.facts.handed_facts import WrittenValues
-from gamekeeper.checks.probe_evidence import Fact
-from gamekeeper.checks.story import (
+from gamekeeper.checks.compared_reproducer import (
     OVERWRITE,
     OVERWRITE_MASKS,
     env_steps_of,
     first_divergence_words,
     story_proof,
 )
+from gamekeeper.checks.facts.handed_facts import WrittenValues
+from gamekeeper.checks.probe_evidence import Fact
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.episode import MASK, Episode
 from gamekeeper.interface.capture import AgentId
@@ -105,19 +105,19 @@ def _first_divergence(
     Infos of an AEC environment are its own dictionaries, which stay what they are until its rules
     replace them: what is written into them is read there again, and that is no fault by itself.
     """
-    one, two = base.trace, other.trace
+    one, two = base.episode, other.episode
     if session.api == "aec" and kind in ("", "infos", "masks"):
         one, two = _without_infos(one), _without_infos(two)
     return session.divergence(one, two)
 
 
-def _without_infos(trace: Episode) -> Episode:
-    steps = trace.steps
+def _without_infos(episode: Episode) -> Episode:
+    steps = episode.steps
     for name in ("info", "action_mask"):
         place = steps.schema.get_field_index(name)
         nulls = pa.nulls(steps.num_rows, steps.schema.field(place).type)
         steps = steps.set_column(place, steps.schema.field(place), nulls)
-    return replace(trace, steps=steps, _cache={})
+    return replace(episode, steps=steps, _cache={})
 
 
 @dataclass(slots=True)

@@ -1,7 +1,5 @@
 """Probe of unusual rewards: the tick whose actions decide them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -18,7 +16,7 @@ from gamekeeper.auditing.probes.replaced_actions import (
     short_plays,
 )
 from gamekeeper.checks.effects import changed_numbers
-from gamekeeper.checks.facts.play_facts import PaymentTime
+from gamekeeper.checks.facts.episode_facts import PaymentTime
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.interface.generators import generators, is_same_state, state_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -47,7 +45,7 @@ def payment_times(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     env = session.env()
     base = session.play(play, env, state=False)
     begun = session.meter.steps
-    for turn, agent, amount in _unusual(base.trace):
+    for turn, agent, amount in _unusual(base.episode):
         if session.meter.steps - begun > session.ration // 2:
             return
         value = _timed(session, env, base, turn, agent, amount)
@@ -55,9 +53,9 @@ def payment_times(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             yield session.fact(value, turn=turn.index, agent=agent, field="rewards")
 
 
-def _unusual(trace: Episode) -> Iterator[tuple[Turn, str, float]]:
+def _unusual(episode: Episode) -> Iterator[tuple[Turn, str, float]]:
     """Steps that paid an agent far more or less than most, one agent for each, a few of them."""
-    paying = [turn for turn in trace.turns if turn.order]
+    paying = [turn for turn in episode.turns if turn.order]
     found: dict[int, tuple[Turn, str, float]] = {}
     for agent in sorted({name for turn in paying for name in turn.rewards}):
         amounts = [turn.rewards.get(agent, 0.0) for turn in paying]
@@ -97,7 +95,7 @@ def _replayed(
         drawn = [state_of(each) for each in generators(env)]
     if played.failed is not None:
         return None
-    return _Replay({turn.index: turn for turn in played.trace.turns}, drawn)
+    return _Replay({turn.index: turn for turn in played.episode.turns}, drawn)
 
 
 def _timed(
@@ -110,7 +108,7 @@ def _timed(
     one = _replayed(session, env, plan)
     if one is None or one.reward(paid, payee) != turn.rewards.get(payee, 0.0):
         return None
-    own = last_acts(base.trace, paid)
+    own = last_acts(base.episode, paid)
     tried: list[tuple[int, str, Any]] = []
     for agent, then, action, two in _alternatives(session, env, base, plan, own):
         tried.append((then, agent, action))
@@ -121,7 +119,7 @@ def _timed(
     before = {
         agent: found[agent]
         for agent, then in own.items()
-        if agent in (found := last_acts(base.trace, then.index - 1))
+        if agent in (found := last_acts(base.episode, then.index - 1))
     }
     for agent, then, action, two in _alternatives(session, env, base, plan, before):
         is_moved = abs(two.reward(paid, payee) - one.reward(paid, payee)) >= enough
@@ -152,7 +150,7 @@ def _alternatives(
             change = ReplacedAction(then.index, own_name(base, agent), action)
             two = _replayed(session, env, plan, change)
             orders = [] if two is None else [turn.order for turn in two.turns.values()]
-            same = [turn.order for turn in base.trace.turns[: len(orders)]]
+            same = [turn.order for turn in base.episode.turns[: len(orders)]]
             if two is not None and orders[:-1] == same[:-1]:
                 yield agent, then.index, action, two
 

@@ -1,7 +1,5 @@
 """Probe of calls that only look, made more often."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -40,7 +38,7 @@ def extra_calls(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `OfferedCalls`, `RepeatedLast`.
     """
     base = session.play(play, state=False)
-    if play.actions is None:  # policies ask for spaces, a play on paper doesn't
+    if play.actions is None:  # policies ask for spaces, a scripted play doesn't
         base = session.play(base.play, state=False)
     env = session.env()
     unchanged_rerun = session.play(base.play, env, state=False)
@@ -79,7 +77,7 @@ def _resets_differ(session: ProbeSession, play: EpisodePlan) -> bool:
     for _ in range(RESETS):
         env = session.env()
         session.play(replace(play, actions=()), env, state=False)
-        openings.append(session.play(EpisodePlan(seed=None, actions=()), env, state=False).trace)
+        openings.append(session.play(EpisodePlan(seed=None, actions=()), env, state=False).episode)
     return any(session.divergence(openings[0], other) is not None for other in openings[1:])
 
 
@@ -87,7 +85,7 @@ def _next(session: ProbeSession, base: EpisodeResult, change: Intervention | Non
     """Episode after a reset without a seed, in an instance that played one before."""
     env = session.env()
     session.play(base.play, env, change=change, state=False)
-    return session.play(EpisodePlan(seed=None, actions=()), env, state=False).trace
+    return session.play(EpisodePlan(seed=None, actions=()), env, state=False).episode
 
 
 def _next_counterfactual(

@@ -1,7 +1,5 @@
 """Probe of render modes and frames."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re
@@ -18,8 +16,8 @@ from gamekeeper.auditing.probes.moves import affordable, cut, moves
 from gamekeeper.checks.facts.render_facts import (
     BuiltMode,
     ChangedFrames,
-    FilmedPlay,
     FirstFrame,
+    RenderedEpisode,
     SecondFrame,
     Shot,
     WrittenFrames,
@@ -60,7 +58,8 @@ def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `RenderMode`, `Rendered`.
 
     Facts:
-        `BuiltMode`, `FilmedPlay`, `ChangedFrames`, `WrittenFrames`, `FirstFrame`, `SecondFrame`.
+        `BuiltMode`, `RenderedEpisode`, `ChangedFrames`, `WrittenFrames`, `FirstFrame`,
+        `SecondFrame`.
     """
     with _screenless():
         env = session.env()
@@ -74,9 +73,9 @@ def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             session.can_make and session.call("make", session.make, render_mode=None).failed is None
         )
         if takes and own is not None:
-            still = session.play(base.play, session.make(render_mode=None)).trace
+            still = session.play(base.play, session.make(render_mode=None)).episode
             change = {"change": "RenderMode", "mode": None}
-            yield session.beside(base.trace, unchanged_rerun.trace, still, change)
+            yield session.beside(base.episode, unchanged_rerun.episode, still, change)
         for mode in _modes(metadata, own):
             yield from _mode(
                 session, mode, own=own, takes=takes, base=base, unchanged_rerun=unchanged_rerun
@@ -112,15 +111,17 @@ def _mode(
     if not is_own:
         still = session.play(base.play, made.value)
         change = {"change": "RenderMode", "mode": mode}
-        yield session.beside(base.trace, unchanged_rerun.trace, still.trace, change)
+        yield session.beside(base.episode, unchanged_rerun.episode, still.episode, change)
         made = built()
     camera = Camera(session)
     filmed = session.play(base.play, made.value, watch=camera)
     change = {"change": "Rendered", "mode": mode}
-    yield session.beside(still.trace, unchanged_rerun.trace, filmed.trace, change)
-    yield session.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
+    yield session.beside(still.episode, unchanged_rerun.episode, filmed.episode, change)
+    yield session.fact(
+        RenderedEpisode(mode, options, moves(filmed.episode), camera.shots), field="render"
+    )
     yield session.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
-    if session.divergence(base.trace, unchanged_rerun.trace) is None:
+    if session.divergence(base.episode, unchanged_rerun.episode) is None:
         env, again = made.value, base.play
         if session.call("reset", env.reset, seed=again.seed, options=again.options).failed is None:
             digest = _digest(session.call("render", env.render).value)
@@ -130,7 +131,7 @@ def _mode(
     for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
         late = Camera(session, first=first)
         refilmed = session.play(base.play, built().value, watch=late)
-        is_same = session.divergence(filmed.trace, refilmed.trace) is None
+        is_same = session.divergence(filmed.episode, refilmed.episode) is None
         for shot in late.shots[:1] if is_same else ():
             yield session.fact(FirstFrame(mode, options, first, shot.digest))
     pen = Pen(session)

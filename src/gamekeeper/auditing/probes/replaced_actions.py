@@ -1,7 +1,5 @@
 """Probes of replaced actions: what else an agent could have done."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,7 +12,7 @@ from gymnasium.spaces import Discrete
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import cut, legal, other_action
-from gamekeeper.checks.facts.play_facts import MoverTrial, Payment
+from gamekeeper.checks.facts.episode_facts import MoverTrial, Payment
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode, Turn
@@ -46,19 +44,19 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """One action replaced at one turn by another legal one, everybody else's as they were.
 
     What differs from a rerun with nothing changed is that action's doing, though it may work
-    through the random stream. Later actions stand on paper, so no policy carries an effect on.
+    through the random stream. Later actions are scripted, so no policy carries an effect on.
 
     A counterfactual for each replaced action, cut a few turns after it; their unchanged rerun is
     one and the same.
     """
     env = session.env()
     base = session.play(play, env, state=False)
-    spots = [turn for turn in base.trace.turns if _influence_movers(turn)]
+    spots = [turn for turn in base.episode.turns if _influence_movers(turn)]
     if not spots:
         return
     unchanged_rerun = session.play(base.play, env, state=False)
     volatile = session.contract.volatile_infos()
-    if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is not None:
+    if compare(base.episode, unchanged_rerun.episode, volatile=volatile).divergence is not None:
         session.unlike[:] = session.unlike or [base.play]
     step = max(len(spots) // TRIALS, 1)
     offset = play.stream % step
@@ -74,15 +72,15 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         trial = replace(base, play=cut(base.play, turn.index + 1 + later + (session.api == "aec")))
         change = ReplacedAction(turn.index, own_name(base, agent), action)
         counterfactual = session.counterfactual(trial, unchanged_rerun, change, env, state=False)
-        legal_for = _legal_for(session, counterfactual.trace, turn.index, later)
+        legal_for = _legal_for(session, counterfactual.episode, turn.index, later)
         yield replace(
             counterfactual, change={**counterfactual.change, "agent": agent, "later": legal_for}
         )
 
 
-def _legal_for(session: ProbeSession, trace: Episode, start: int, later: int) -> int:
-    """Turns after `start` up to which masks allow what stands on paper, `later` at most."""
-    for turn in trace.turns:
+def _legal_for(session: ProbeSession, episode: Episode, start: int, later: int) -> int:
+    """Turns after `start` up to which masks allow what the script holds, `later` at most."""
+    for turn in episode.turns:
         if start < turn.index <= start + later:
             for agent, mask in turn.masks.items():
                 space, action = session.space_of(agent), turn.actions.get(agent)
@@ -162,7 +160,7 @@ def alternatives(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     base = session.play(play, env, state=False)
     begun = session.meter.steps
     looked: dict[tuple[str, bool], int] = {}
-    for turn in base.trace.turns:
+    for turn in base.episode.turns:
         for term in individual_terms(session.contract):
             for agent in turn.agents:
                 amount = paid(session.contract, turn, agent, term)
@@ -189,7 +187,7 @@ def _alternatives_movers(
     """By agent, whether something else that it could have done makes the payment smaller."""
     found: dict[str, MoverTrial] = {}
     short = cut(base.play, turn.index + 1)
-    for agent, then in last_acts(base.trace, turn.index).items():
+    for agent, then in last_acts(base.episode, turn.index).items():
         tried, instead = 0, None
         for action in others(session, agent, then):
             change = ReplacedAction(then.index, own_name(base, agent), action)
@@ -197,7 +195,7 @@ def _alternatives_movers(
             if counterfactual.failed is not None:
                 continue
             tried += 1
-            after = next((t for t in counterfactual.trace.turns if t.index == turn.index), None)
+            after = next((t for t in counterfactual.episode.turns if t.index == turn.index), None)
             now = 0.0 if after is None else paid(session.contract, after, payee, term)
             if abs(now) < abs(amount) and instead is None:
                 instead = action
@@ -205,10 +203,10 @@ def _alternatives_movers(
     return found
 
 
-def last_acts(trace: Episode, turn: int) -> dict[str, Turn]:
+def last_acts(episode: Episode, turn: int) -> dict[str, Turn]:
     """The last turn at which each agent acted, no later than `turn`."""
     found: dict[str, Turn] = {}
-    for each in trace.turns:
+    for each in episode.turns:
         if each.index > turn:
             break
         found.update({a: each for a in each.order if each.actions.get(a) is not None})

@@ -1,7 +1,5 @@
 """Probe of spaces: asked for before a reset, along a play and after it."""
 
-from __future__ import annotations
-
 import inspect
 import pickle
 import warnings
@@ -56,7 +54,7 @@ def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     What spaces are there and whether they stay the same; what others than the mover observe.
 
-    Traces of plays in which actions are held, which come to the borders of what is observed.
+    Episodes of plays in which actions are held, which come to the borders of what is observed.
 
     Facts:
         `AskedSpace`, `ChangedSpace`, `SpaceFaults`, `SpaceEntry`, `OthersView`, `PickledInfo`,
@@ -87,12 +85,12 @@ def _held(session: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
     if play.actions is None:
         first = session.play(replace(play, most_turns=2), env, state=False)
         declared = [role.mask for role in session.contract.roles.values()]
-        if any(turn.masks for turn in first.trace.turns) or set(declared) - {None, "none"}:
+        if any(turn.masks for turn in first.episode.turns) or set(declared) - {None, "none"}:
             return
         session.base = None  # what follows is what is to be seen again
     change = Held() if play.actions is None else None
     played = session.play(play, env, change=change, state=False)
-    yield played.trace
+    yield played.episode
 
 
 @dataclass(slots=True)

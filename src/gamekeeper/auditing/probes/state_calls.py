@@ -1,7 +1,5 @@
 """Probe of `state()`."""
 
-from __future__ import annotations
-
 import copy
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -70,7 +68,7 @@ def state(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     )
     if not is_there:
         return
-    yield session.fact(StateAnswers(moves=moves(base.trace), answers=answers), field="state")
+    yield session.fact(StateAnswers(moves=moves(base.episode), answers=answers), field="state")
     if all(answer.digest == answer.again for answer in answers):
         yield from _used(session, base, answers, env)
     yield from _late(session, base, answers, env)
@@ -144,7 +142,7 @@ def _used(
     """The same play once more in the same instance; looked at where all else is equal."""
     again = StateRecorder(session, env)
     used = session.play(base.play, env, watch=again, state=False)
-    if session.divergence(base.trace, used.trace) is None:
+    if session.divergence(base.episode, used.episode) is None:
         pairs = zip(answers, again.answers, strict=False)
         turn = next((a.turn for a, b in pairs if a.digest != b.digest), None)
         yield session.fact(UsedState(turn=turn), field="used")
@@ -161,13 +159,13 @@ def _late(
     for turn in TRIAL_TURNS:
         if turn + 1 >= len(actions):
             break
-        other = _others(env, base.trace, turn, actions[turn], seed=session.seed)
+        other = _others(env, base.episode, turn, actions[turn], seed=session.seed)
         tried = (*actions[:turn], other, actions[turn + 1])
         watch = StateRecorder(session, env)
         played = session.play(
             replace(base.play, actions=tried, most_turns=len(tried)), env, watch=watch, state=False
         )
-        if not _parts_at(base.trace, played.trace, turn + 1):
+        if not _parts_at(base.episode, played.episode, turn + 1):
             continue
         now = {answer.turn: answer.digest for answer in watch.answers}
         trials += 1
@@ -179,10 +177,10 @@ def _late(
 
 
 def _others(
-    env: Any, trace: Episode, turn: int, actions: Mapping[Any, Any], *, seed: int
+    env: Any, episode: Episode, turn: int, actions: Mapping[Any, Any], *, seed: int
 ) -> dict[Any, Any]:
     """Other legal actions for all that act at a turn, drawn from copies of their spaces."""
-    masks = next((each.masks for each in trace.turns if each.index == turn), {})
+    masks = next((each.masks for each in episode.turns if each.index == turn), {})
     others: dict[Any, Any] = {}
     for agent, action in actions.items():
         others[agent] = action

@@ -1,7 +1,5 @@
 """Probes of what stands on the outside of an environment: rosters, counts, books, metadata."""
 
-from __future__ import annotations
-
 import inspect
 import operator
 import re
@@ -130,7 +128,7 @@ LAST: Final = 5
 def surface(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rosters, counts and books on the outside of an environment, turn by turn.
 
-    The trace; attributes before a reset, after it, after each step, after another reset.
+    The episode; attributes before a reset, after it, after each step, after another reset.
 
     Facts, each with names of agents as texts:
         `PossibleAgents`, `LiveRosters`, `RosterKinds`, `AgentCounts`, `ReturnedForms`,
@@ -143,7 +141,7 @@ def surface(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     seen = _Seen(session)
     played = session.play(play, env, watch=seen.watch)
     limits = {name: value for name, value in limits_of(env).items() if limits.get(name) == value}
-    yield played.trace
+    yield played.episode
     again = _reset(session, env, play)
     possible = PossibleAgents(
         session.can_make, before, seen.possible, _names(session, env, "possible_agents")

@@ -1,7 +1,5 @@
 """Checks of copies of an environment, and of its conversion to the Parallel API."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final

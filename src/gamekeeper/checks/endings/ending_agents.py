@@ -1,7 +1,5 @@
 """Checks of agents that end: their flags, that they leave, and that all leave with the episode."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Set
 from dataclasses import replace
 from typing import Final
@@ -50,28 +48,28 @@ def endings_reach_all_whom_they_are_declared_for(
 
     Fix: end every agent that the ending belongs to in the same step, or declare its owner as it is
     """
-    for trace, rosters in plays_with_rosters(evidence):
+    for episode, rosters in plays_with_rosters(evidence):
         known: set[str] = set()
-        for turn in trace.turns:
+        for turn in episode.turns:
             new = turn.ended - known
             known |= turn.ended
             roster = rosters[turn.index - 1] if 0 < turn.index <= len(rosters) else []
             for agent in sorted(new & set(roster)):
-                owed = _owners(contract, trace, turn, agent, roster)
+                owed = _owners(contract, episode, turn, agent, roster)
                 if owed is None:
                     continue
                 left = sorted(owed - known)
-                where = trace.at(turn, agent, "endings")
+                where = episode.at(turn, agent, "endings")
                 expected = "all of them end with it"
                 proof = reproducer_of(endings_take_all, api=evidence.api)
                 yield Case(where, not left, expected, f"{', '.join(left)} went on", proof)
 
 
 def _owners(
-    contract: Contract, trace: Episode, turn: Turn, agent: str, roster: list[str]
+    contract: Contract, episode: Episode, turn: Turn, agent: str, roster: list[str]
 ) -> Set[str] | None:
     """Agents that the agent's ending has to end too; None where that isn't declared."""
-    reason = trace.endings.get(agent)
+    reason = episode.endings.get(agent)
     if reason is not None:
         declared = contract.endings.get(reason)
         owner = None if declared is None else declared.owner
@@ -108,9 +106,9 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases
     declare may_leave for its role
     """
     left = _left_a_turn if evidence.api == "aec" else _left_a_tick
-    for trace, turn, agent, has_ended in left(evidence):
+    for episode, turn, agent, has_ended in left(evidence):
         if not may_leave(contract, agent):
-            where = trace.at(turn, agent, "agents")
+            where = episode.at(turn, agent, "agents")
             expected = "a termination or a truncation"
             seen = "it is gone without either"
             yield Case(where, has_ended, expected, seen, PROOFS[evidence.api])
@@ -118,24 +116,24 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases
 
 def _left_a_tick(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
     """Yields each agent that left a Parallel episode, its turn, and if its flags had been up."""
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         live: frozenset[str] = frozenset()
         ended: set[str] = set()
-        for turn in trace.turns:
+        for turn in episode.turns:
             new = ended_in(turn)
             ended |= new
             left = live - turn.live
             is_over = not turn.live and len(left) > 1 and bool(left & new)
             left = left & ended if is_over else left  # at the others GK502 looks
             if not is_twofold(turn):
-                yield from ((trace, turn.index, agent, agent in ended) for agent in sorted(left))
+                yield from ((episode, turn.index, agent, agent in ended) for agent in sorted(left))
             live = turn.live
 
 
 def _left_a_turn(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
     """Yields each agent that left an AEC episode, its turn, and if its flags were or are up."""
     for each, agent, has_ended in departures(evidence):
-        yield each.trace, each.turn + 1, agent, has_ended
+        yield each.episode, each.turn + 1, agent, has_ended
 
 
 ALL_OVER_PROOF = """\
@@ -165,14 +163,14 @@ def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeE
     """
     if not all(has_ended for *_, has_ended in _left_a_tick(evidence)):
         return  # they leave without a flag at other times too, of which GK501 tells
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         live: frozenset[str] = frozenset()
-        for turn in trace.turns:
+        for turn in episode.turns:
             ended = ended_in(turn) & live
             if ended and not turn.live and not is_twofold(turn):
                 silent = sorted(live - ended)
                 yield Case(
-                    trace.at(turn, silent[0] if silent else None, "agents"),
+                    episode.at(turn, silent[0] if silent else None, "agents"),
                     not silent,
                     "a termination or a truncation of everybody",
                     f"{', '.join(sorted(ended))} ended, and {', '.join(silent)} "
@@ -201,13 +199,13 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
     Fix: take agents that terminate or truncate out of `agents` before step returns; when the
     episode is over, `self.agents = []`
     """
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             ended = ended_in(turn)
             if not ended or not turn.index:
                 continue
             still = sorted(ended & turn.live)
-            where = trace.at(turn, still[0] if still else None, "agents")
+            where = episode.at(turn, still[0] if still else None, "agents")
             seen = f"{', '.join(still)} ended, and stays"
             yield Case(where, not still, "only those who go on", seen, ENDED_OUT_PROOF)
 
@@ -229,9 +227,9 @@ def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: make a bool of it: `terminations[agent] = bool(...)`
     """
-    for trace in evidence["rollout"]:
-        is_nonconforming = has_nonconforming_rows(trace)
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        is_nonconforming = has_nonconforming_rows(episode)
+        for turn in episode.turns:
             bad = [
                 (agent, name, nonconforming[name])
                 for agent, nonconforming in (turn.nonconforming.items() if is_nonconforming else ())
@@ -239,11 +237,11 @@ def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Cases:
                 if nonconforming.get(name, {}).get("type", "missing") != "missing"
             ]
             for agent, name, flag in bad:
-                where = trace.at(turn, agent, BOOKS[name])
+                where = episode.at(turn, agent, BOOKS[name])
                 seen = f"{flag['type']}: {shown(flag.get('value'))}"
                 yield Case(where, False, "a bool", seen, _proof(evidence.api, BOOKS[name]))
             if not bad and (turn.terminated or turn.truncated):
-                yield Case(trace.at(turn, None, "terminations"), True)
+                yield Case(episode.at(turn, None, "terminations"), True)
     for fact in evidence.facts(NumpyFlag):
         proof = _proof(evidence.api, fact.where.field, "bool")
         yield Case(fact.where, False, "Python's bool", "NumPy's bool", proof=proof, severity=LOW)
@@ -274,16 +272,16 @@ def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Fix: keep the flag up until the agent is out of `agents`; set flags where an agent ends, don't
     work them out anew in every step
     """
-    for trace, rosters in plays_with_rosters(evidence):
+    for episode, rosters in plays_with_rosters(evidence):
         ended: set[str] = set()
-        for turn in trace.turns:
+        for turn in episode.turns:
             roster = set(rosters[turn.index]) if turn.index < len(rosters) else set()
             ended &= roster
             for agent in sorted(ended & turn.live):
                 flags = turn.terminated.get(agent), turn.truncated.get(agent)
                 if flags == (None, None):
                     continue  # nothing is said of it at this turn
-                where = trace.at(turn, agent, "terminations")
+                where = episode.at(turn, agent, "terminations")
                 is_ok = agent in ended_in(turn)
                 expected = "terminated or truncated, as before"
                 yield Case(where, is_ok, expected, "neither", reproducer_of(flags_stay_up))

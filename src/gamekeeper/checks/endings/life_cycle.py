@@ -1,13 +1,12 @@
 """Checks of steps and resets out of their order, of closing, and of the agent loop."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import EndedActions
+from gamekeeper.checks.facts.episode_facts import RaisedCall, SelectedAgents
 from gamekeeper.checks.facts.lifecycle_facts import (
     Closings,
     DeadAction,
@@ -17,7 +16,6 @@ from gamekeeper.checks.facts.lifecycle_facts import (
     StepAfterEnd,
     StepBeforeReset,
 )
-from gamekeeper.checks.facts.play_facts import RaisedCall, SelectedAgents
 from gamekeeper.checks.probe_evidence import ProbeEvidence, ProbeRun
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import closes
@@ -250,23 +248,23 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
         raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)
         selected = [] if named is None else named.value.turns
         if raised is None:
-            yield Case(_trace(look).at(None, None, "raised"), True)
+            yield Case(_episode(look).at(None, None, "raised"), True)
         elif selected and selected[-1][1] and _is_of_the_loop(look, raised.value):
             agent = selected[-1][0]
-            where = _trace(look).at(raised.where.turn, agent, "raised")
+            where = _episode(look).at(raised.where.turn, agent, "raised")
             seen = f"{raised.value.kind}: {raised.value.text}"
             yield Case(where, False, EXPECTED, seen, SHOWN[raised.value.call])
 
 
-def _trace(look: ProbeRun) -> Episode:
-    return look.traces[0]
+def _episode(look: ProbeRun) -> Episode:
+    return look.episodes[0]
 
 
 def _is_of_the_loop(look: ProbeRun, raised: RaisedCall) -> bool:
     """Tells whether `last()` raised, or the None step of one that had ended."""
     if raised.call == "last":
         return True
-    turns = [turn for turn in _trace(look).turns if turn.raised and turn.order]
+    turns = [turn for turn in _episode(look).turns if turn.raised and turn.order]
     return raised.call == "step" and any(
         agent in ended_in(turn) and turn.actions.get(agent) is None
         for turn in turns

@@ -1,7 +1,5 @@
 """Checks of roles: agents of one role fare alike."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -24,14 +22,14 @@ FEWEST: Final = 6
 """Episodes; fewer can't tell chance from a difference."""
 
 
-def fares(trace: Episode, agents: Sequence[str]) -> FloatArray:
+def fares(episode: Episode, agents: Sequence[str]) -> FloatArray:
     """Features of each agent in one episode, [agents, features]: return, actions, terminated.
 
     Of an episode that was cut off only whole rounds count.
     """
     rows = np.zeros((len(agents), 3))
     place = {agent: row for row, agent in enumerate(agents)}
-    for turn in _whole_rounds(trace):
+    for turn in _whole_rounds(episode):
         for agent, paid in turn.rewards.items():
             if agent in place:
                 rows[place[agent], 0] += paid
@@ -44,23 +42,23 @@ def fares(trace: Episode, agents: Sequence[str]) -> FloatArray:
     return rows
 
 
-def _whole_rounds(trace: Episode) -> Sequence[Turn]:
+def _whole_rounds(episode: Episode) -> Sequence[Turn]:
     """The turns before the last one of whoever is still there and acted first.
 
     Where agents take turns and we stop in mid-round, those before that place would have had an
     action more: that is our doing and not the game's.
     """
-    turns = trace.turns
-    if trace.header.get("end") == "ended" or not turns:
+    turns = episode.turns
+    if episode.header.get("end") == "ended" or not turns:
         return turns
     gone = {agent for turn in turns for agent in turn.ended}
     first = next((agent for turn in turns for agent in turn.order if agent not in gone), None)
     return turns[: max((at for at, turn in enumerate(turns) if first in turn.order), default=0)]
 
 
-def started(trace: Episode, agents: Sequence[str]) -> NDArray[np.bool_]:
+def started(episode: Episode, agents: Sequence[str]) -> NDArray[np.bool_]:
     """Flags of agents that stood in the roster from the reset on, [agents]."""
-    live = trace.turns[0].live if trace.turns else ()
+    live = episode.turns[0].live if episode.turns else ()
     return np.array([agent in live for agent in agents])
 
 
@@ -107,16 +105,18 @@ def exchangeable(
     return (1 + hits) / (rounds + 1)
 
 
-def p_by_role(traces: Sequence[Episode], roles: Mapping[str, Sequence[str]]) -> dict[str, float]:
+def p_by_role(episodes: Sequence[Episode], roles: Mapping[str, Sequence[str]]) -> dict[str, float]:
     """The p-value of each role, where enough episodes began with two of its agents at least.
 
     Who joins later had less time than the others: only those count who were there from the start.
     """
     found = {}
     for role, agents in roles.items():
-        there = np.array([started(trace, agents) for trace in traces]).reshape(-1, len(agents))
+        there = np.array([started(episode, agents) for episode in episodes]).reshape(
+            -1, len(agents)
+        )
         if (there.sum(axis=1) > 1).sum() >= FEWEST:
-            rows = np.array([fares(trace, agents) for trace in traces])
+            rows = np.array([fares(episode, agents) for episode in episodes])
             value = exchangeable(rows, there)
             if value is not None:
                 found[role] = value
@@ -176,16 +176,16 @@ def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> 
         role = contract.role_of(agent)
         if role is not None and contract.roles[role].symmetric:
             roles.setdefault(role, []).append(agent)
-    traces = [trace for trace in evidence["rollout"] if trace.header.get("end") == "ended"]
-    if len(traces) < FEWEST:
-        traces = list(evidence["rollout"])
-    p_values = p_by_role(traces, roles)
+    episodes = [episode for episode in evidence["rollout"] if episode.header.get("end") == "ended"]
+    if len(episodes) < FEWEST:
+        episodes = list(evidence["rollout"])
+    p_values = p_by_role(episodes, roles)
     for role, p in zip(p_values, holm(list(p_values.values())), strict=True):
         yield Case(
             Where("all rollouts", field=role),
             p > LEVEL,
             f"agents of {role!r} fare alike under random play",
-            f"they don't in {len(traces)} episodes (p = {p:.4f})",
+            f"they don't in {len(episodes)} episodes (p = {p:.4f})",
             proof=reproducer_of(
                 agents_fare_alike, agents=roles[role], episodes=EPISODES, level=LEVEL
             ),

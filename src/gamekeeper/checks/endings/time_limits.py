@@ -1,7 +1,5 @@
 """Checks of time limits: they truncate, and endings are of their declared kind."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
@@ -60,30 +58,30 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
     by_rule = any(each.kind == "truncation" for each in contract.endings.values())
     ended_by_rule: list[Case] = []
     is_truncated = False
-    for trace in evidence["rollout"]:
-        for turn, tick in ticks_before(trace, api):
+    for episode in evidence["rollout"]:
+        for turn, tick in ticks_before(episode, api):
             acting = [agent for agent in turn.order if agent not in turn.ended]
             is_late = tick >= horizon if api == "parallel" else tick > horizon
             if is_late and acting:
-                where = trace.at(turn, None, "agents")
+                where = episode.at(turn, None, "agents")
                 seen = f"{', '.join(acting)} acted in tick {max(tick, horizon + 1)}"
                 yield Case(where, False, f"the end after {horizon} ticks", seen, OVER[api])
                 break
             early = _cut(turn)
             if early and tick < horizon and not by_rule:
-                where = trace.at(turn, early[0], "truncations")
+                where = episode.at(turn, early[0], "truncations")
                 expected = f"nobody before tick {horizon}"
                 proof = reproducer_of(no_truncation_alone, api=api)
                 yield Case(where, False, expected, f"truncated after {tick}", proof)
                 break
             if tick == horizon and turn.ended:
                 is_truncated = is_truncated or bool(early)
-                if early or _are_reasons_declared(contract, trace, turn):
-                    yield Case(trace.at(turn, None, "truncations"), True)
+                if early or _are_reasons_declared(contract, episode, turn):
+                    yield Case(episode.at(turn, None, "truncations"), True)
                 else:
                     ended_by_rule.append(
                         Case(
-                            trace.at(turn, None, "truncations"),
+                            episode.at(turn, None, "truncations"),
                             False,
                             "truncated by the time limit",
                             "terminated",
@@ -100,30 +98,30 @@ def _other_limit(contract: Contract, evidence: ProbeEvidence, horizon: int) -> C
     api = evidence.api
     ends: list[tuple[Episode, Turn, int]] = []
     longest = 0
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         first = None
-        for turn, tick in ticks_before(trace, api):
+        for turn, tick in ticks_before(episode, api):
             if set(turn.order) - turn.ended:
                 longest = max(longest, tick + (api == "parallel"))
             if first is None and turn.ended:
                 first = turn, tick
-        if first is not None and trace.header.get("end") == "ended":
-            ends.append((trace, *first))
+        if first is not None and episode.header.get("end") == "ended":
+            ends.append((episode, *first))
     limits = {tick for _, _, tick in ends}
     if len(ends) < WHOLE or len(limits) > 1 or min(limits) >= horizon or longest > min(limits):
         return
     declared = {each.kind for each in contract.endings.values()}
-    for trace, turn, tick in ends:
+    for episode, turn, tick in ends:
         is_cut = bool(_cut(turn))
-        is_explained = bool(trace.endings) and _are_reasons_declared(contract, trace, turn)
-        if is_explained or not _is_last(trace, turn):
+        is_explained = bool(episode.endings) and _are_reasons_declared(contract, episode, turn)
+        if is_explained or not _is_last(episode, turn):
             continue
         if is_cut and "truncation" not in declared:
             continue  # judged as any early truncation
         if not is_cut and "termination" in declared and tick not in _limits(evidence).values():
             continue  # games of one length end so by their rules
         yield Case(
-            trace.at(turn, sorted(turn.ended)[0], "truncations" if is_cut else "terminations"),
+            episode.at(turn, sorted(turn.ended)[0], "truncations" if is_cut else "terminations"),
             False,
             f"a time limit of {horizon} ticks, as declared",
             f"each of {len(ends)} whole episodes {'cut' if is_cut else 'over'} after {tick}",
@@ -136,8 +134,8 @@ def _cut(turn: Turn) -> list[str]:
     return sorted(a for a in turn.truncated if turn.truncated[a] and not turn.terminated.get(a))
 
 
-def _are_reasons_declared(contract: Contract, trace: Episode, turn: Turn) -> bool:
-    reasons = [trace.endings.get(agent) for agent in turn.ended]
+def _are_reasons_declared(contract: Contract, episode: Episode, turn: Turn) -> bool:
+    reasons = [episode.endings.get(agent) for agent in turn.ended]
     return all(reason in contract.endings for reason in reasons)
 
 
@@ -185,30 +183,30 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     if any(ending.kind == "termination" for ending in contract.endings.values()):
         return
     looks = (*evidence.looks.get("surface", ()), *evidence.looks.get("rollout", ()))
-    traces = [trace for look in looks for trace in look.traces]
+    episodes = [episode for look in looks for episode in look.episodes]
     limits = {
         name: value
         for name, value in _limits(evidence).items()
-        if not any(_lasts_longer(evidence.api, trace, value) for trace in traces)
+        if not any(_lasts_longer(evidence.api, episode, value) for episode in episodes)
     }
-    found = [each for trace in traces for each in _at_the_limit(evidence.api, trace, limits)]
-    is_truncated = any(_is_truncated(turn) for trace in traces for turn in trace.turns)
-    whole = sum(trace.header.get("end") == "ended" for trace in traces)
-    least = max(min(PLAYS, len(traces)), whole / 2)
+    found = [each for episode in episodes for each in _at_the_limit(evidence.api, episode, limits)]
+    is_truncated = any(_is_truncated(turn) for episode in episodes for turn in episode.turns)
+    whole = sum(episode.header.get("end") == "ended" for episode in episodes)
+    least = max(min(PLAYS, len(episodes)), whole / 2)
     is_sure = not is_truncated and (
         sum(not each.ok for each in found) >= least
-        or _stands_out(evidence.api, traces, limits.values())
+        or _stands_out(evidence.api, episodes, limits.values())
     )
     yield from (each for each in found if each.ok or is_sure)
 
 
-def _stands_out(api: str, traces: Sequence[Episode], limits: Collection[int]) -> bool:
+def _stands_out(api: str, episodes: Sequence[Episode], limits: Collection[int]) -> bool:
     """Tells whether a limit's tick ends all who are left, two or more, as no other tick does."""
     at_once: dict[Any, int] = {}
-    for trace in traces:
-        for turn, tick in ticks_before(trace, api):
-            if len(turn.ended) > 1 and _is_last(trace, turn):
-                at_once.setdefault(trace.header.get("seed"), tick)
+    for episode in episodes:
+        for turn, tick in ticks_before(episode, api):
+            if len(turn.ended) > 1 and _is_last(episode, turn):
+                at_once.setdefault(episode.header.get("seed"), tick)
     (tick, most), *others = [*Counter(at_once.values()).most_common(2), (0, 0)]
     return tick in limits and most >= max(OFTEN, 3 * others[0][1] if others else 0)
 
@@ -223,22 +221,22 @@ def _limits(evidence: ProbeEvidence) -> dict[str, int]:
     }
 
 
-def _lasts_longer(api: str, trace: Episode, limit: int) -> bool:
+def _lasts_longer(api: str, episode: Episode, limit: int) -> bool:
     """Tells whether an agent acts once that many ticks are over."""
     over = limit if api == "parallel" else limit + 1  # where the last tick is still under way
     return any(
         tick >= over and not set(turn.order) <= turn.ended
-        for turn, tick in ticks_before(trace, api)
+        for turn, tick in ticks_before(episode, api)
     )
 
 
-def _at_the_limit(api: str, trace: Episode, limits: Mapping[str, int]) -> Cases:
+def _at_the_limit(api: str, episode: Episode, limits: Mapping[str, int]) -> Cases:
     """The turn, if there is one, at which a limit is met and somebody ends."""
-    for turn, tick in ticks_before(trace, api):
+    for turn, tick in ticks_before(episode, api):
         names = [name for name, value in limits.items() if value == tick]
-        if names and turn.ended and _is_last(trace, turn):
+        if names and turn.ended and _is_last(episode, turn):
             yield Case(
-                trace.at(turn, None, "terminations"),
+                episode.at(turn, None, "terminations"),
                 any(turn.truncated.values()),
                 f"truncated after {tick} ticks, as {names[0]} = {tick}",
                 f"terminated: {', '.join(sorted(turn.ended))}",
@@ -254,9 +252,9 @@ def _is_truncated(turn: Turn) -> bool:
     )
 
 
-def _is_last(trace: Episode, turn: Turn) -> bool:
+def _is_last(episode: Episode, turn: Turn) -> bool:
     """Tells whether no agent that hasn't ended acts from here on."""
-    rest = (each for each in trace.turns if each.index >= turn.index)
+    rest = (each for each in episode.turns if each.index >= turn.index)
     ended = set(turn.ended)
     for each in rest:
         ended |= each.ended
@@ -271,7 +269,7 @@ FLAGS = {"termination": "terminated", "truncation": "truncated"}
 def _no_ending_kind(contract: Contract, evidence: ProbeEvidence) -> str | None:
     if not contract.endings:
         return "no endings are declared"
-    named = any(trace.endings for trace in evidence["rollout"])
+    named = any(episode.endings for episode in evidence["rollout"])
     return None if named else "the environment names no reasons in `endings`"
 
 
@@ -296,16 +294,16 @@ def endings_are_of_their_declared_kind(contract: Contract, evidence: ProbeEviden
     Fix: set the flag that the contract declares for the reason, or declare the reason's kind as it
     is: limits from outside truncate, rules of the task terminate
     """
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             for agent in sorted(turn.ended):
-                reason = trace.endings.get(agent)
+                reason = episode.endings.get(agent)
                 declared = None if reason is None else contract.endings.get(reason)
                 if declared is None or declared.kind is None:
                     continue
                 flag = FLAGS[declared.kind]
                 other = next(kind for kind in FLAGS if kind != declared.kind)
-                where = trace.at(turn, agent, "endings")
+                where = episode.at(turn, agent, "endings")
                 is_ok = bool(getattr(turn, flag).get(agent))
                 proof = _proof(evidence.api, agent, declared.kind)
                 yield Case(where, is_ok, f"a {declared.kind} by {reason!r}", f"a {other}", proof)

@@ -1,7 +1,5 @@
 """Facts of the probes `illegal` and `ended`: actions that the rules need not take."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

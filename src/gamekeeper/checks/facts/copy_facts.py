@@ -1,7 +1,5 @@
 """Facts of the probes `copies` and `conversion`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Facts of the probes `long` and `repeated`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

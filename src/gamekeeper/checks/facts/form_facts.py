@@ -1,7 +1,5 @@
 """Facts of the probe `form`: whole episodes in short, and replaced moves with all they changed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias

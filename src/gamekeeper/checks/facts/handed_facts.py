@@ -1,7 +1,5 @@
 """Facts of the probes `kept`, `handed_over`, `written` and `extra_calls`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

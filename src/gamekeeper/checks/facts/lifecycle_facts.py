@@ -1,7 +1,5 @@
 """Facts of the probe `lifecycle`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

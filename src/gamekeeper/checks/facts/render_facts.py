@@ -1,7 +1,5 @@
 """Facts of the probe `render`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,7 +50,7 @@ class RenderedMode:
 
 
 @dataclass(frozen=True, slots=True)
-class FilmedPlay(RenderedMode):
+class RenderedEpisode(RenderedMode):
     """A filmed play.
 
     Attributes:

@@ -1,7 +1,5 @@
 """Facts of the probes of seeds, generators, instances and processes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,14 +19,14 @@ class PlainSeed:
 
 
 @dataclass(frozen=True, slots=True)
-class SeededPlays:
+class SeededEpisodes:
     """Digests of plays of seeds in a row, each in a fresh instance where there is one."""
 
     digests: list[str]
 
 
 @dataclass(frozen=True, slots=True)
-class UnseededPlays:
+class UnseededEpisodes:
     """Digests of plays of resets without a seed that follow on one with, in one instance."""
 
     digests: list[str]
@@ -45,7 +43,7 @@ class UnseededOpenings:
 
 
 @dataclass(frozen=True, slots=True)
-class PlayElsewhere:
+class EpisodeElsewhere:
     """Difference, in words, of a play whose generators stand elsewhere; None where it is the same.
 
     Only where all plays are equal.

@@ -1,7 +1,5 @@
 """Facts of the probes `surface` and `metadata`: the outside of an environment."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Checks of render modes, of their frames, and of what rendering changes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from textwrap import indent
@@ -12,13 +10,13 @@ from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.render_facts import (
     BuiltMode,
     ChangedFrames,
-    FilmedPlay,
     FirstFrame,
+    RenderedEpisode,
     SecondFrame,
     Shot,
     WrittenFrames,
 )
-from gamekeeper.checks.paired_plays import counterfactual_cases
+from gamekeeper.checks.paired_episodes import counterfactual_cases
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import (
@@ -51,19 +49,19 @@ def film_proof(api: str, options: Mapping[str, Any], lines: str) -> Reproducer:
 
 
 def course_lines(api: str) -> str:
-    """Lines of a function `course(env, film)`: all that a play gives, filmed or not."""
+    """Lines of a function `played(env, render)`: all that a play gives, filmed or not."""
     if api == "parallel":
         step, after = "told.append(env.step(action))", ""
     else:
         step = "told.append(env.last())\n    env.step(action)"
-        after = "if film:\n    env.render()\ntold += [env.last()] if env.agents else []\n"
+        after = "if render:\n    env.render()\ntold += [env.last()] if env.agents else []\n"
     body = (
         "told = [env.reset(seed=SEED)]\n"
-        f"for action in ACTIONS:\n    if film:\n        env.render()\n    {step}\n"
+        f"for action in ACTIONS:\n    if render:\n        env.render()\n    {step}\n"
         f"{after}return repr(told)\n"
     )
     head = "np.set_printoptions(threshold=10**9, precision=17)\n"
-    return f"{head}def course(env, film):\n{indent(body, '    ')}"
+    return f"{head}def played(env, render):\n{indent(body, '    ')}"
 
 
 def _step(api: str) -> str:
@@ -131,7 +129,7 @@ def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases
     Fix: return uint8 in [0, 255] of shape [height, width, 3] in mode 'rgb_array' ((frame *
     255).astype(np.uint8) for floats in [0, 1]), a str in mode 'ansi'
     """  # noqa: E501  # the claim is one line
-    for fact in evidence.facts(FilmedPlay):
+    for fact in evidence.facts(RenderedEpisode):
         mode = fact.value.mode
         if mode not in PROMISED:
             continue
@@ -191,7 +189,7 @@ def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Fix: draw on a canvas of one size, whoever is still alive
     """
-    for fact in evidence.facts(FilmedPlay):
+    for fact in evidence.facts(RenderedEpisode):
         if fact.value.mode != "rgb_array":
             continue
         proof = reproducer_of(frames_have_one_shape, options=fact.value.options)
@@ -278,8 +276,8 @@ def frames_move(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: draw the state that step() has changed
     """
-    films: dict[str, list[tuple[Fact[FilmedPlay], int]]] = {}
-    for fact in evidence.facts(FilmedPlay):
+    films: dict[str, list[tuple[Fact[RenderedEpisode], int]]] = {}
+    for fact in evidence.facts(RenderedEpisode):
         shots = [shot.digest for shot in fact.value.shots if shot.digest is not None]
         if len(shots) > LEAST_MOVES and fact.value.moves >= LEAST_MOVES:
             films.setdefault(fact.value.mode, []).append((fact, len(set(shots))))
@@ -296,7 +294,8 @@ def frames_move(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 
 RENDERING_LINES = (
-    "assert course(make(), film=True) == course(make(), film=False), 'render() changed the game'"
+    "assert played(make(), render=True) == played(make(), render=False), "
+    "'render() changed the game'"
 )
 
 
@@ -338,7 +337,8 @@ def _options(evidence: ProbeEvidence, change: object) -> dict[str, str]:
 
 
 MODE_LINES = (
-    "assert course(make(), film=False) == course(plain(), film=False), 'the mode is another game'"
+    "assert played(make(), render=False) == played(plain(), render=False), "
+    "'the mode is another game'"
 )
 
 
@@ -425,7 +425,7 @@ def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     step = "    env.step(action)\n"
     step = step if evidence.api == "parallel" else f"    env.last()\n{step}"
-    films = {_key(fact): fact.value.shots for fact in evidence.facts(FilmedPlay)}
+    films = {_key(fact): fact.value.shots for fact in evidence.facts(RenderedEpisode)}
     fresh = {
         (*_key(fact), fact.value.turn): fact.value.digest for fact in evidence.facts(FirstFrame)
     }
@@ -465,5 +465,5 @@ def _since(shots: Sequence[Shot], turn: int) -> int:
     return turn
 
 
-def _key(fact: Fact[FilmedPlay] | Fact[FirstFrame] | Fact[SecondFrame]) -> tuple[int, str]:
+def _key(fact: Fact[RenderedEpisode] | Fact[FirstFrame] | Fact[SecondFrame]) -> tuple[int, str]:
     return fact.where.play, fact.value.mode

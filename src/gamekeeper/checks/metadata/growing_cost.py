@@ -1,7 +1,5 @@
 """Checks of cost: time and memory of steps and episodes do not grow."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Checks of `metadata`."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any, Final

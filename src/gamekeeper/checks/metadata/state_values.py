@@ -1,13 +1,11 @@
 """Checks of `state()`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.checks.check import MEDIUM, Case, Cases, check
-from gamekeeper.checks.facts.play_facts import StateForms
+from gamekeeper.checks.facts.episode_facts import StateForms
 from gamekeeper.checks.facts.state_facts import (
     LateState,
     StateAnswer,

@@ -1,7 +1,5 @@
 """Checks of the turn at which a reward is paid."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,7 +7,7 @@ from typing import Any, Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import by_turn, changed_numbers
-from gamekeeper.checks.facts.play_facts import PaymentTime
+from gamekeeper.checks.facts.episode_facts import PaymentTime
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeCounterfactual, ProbeEvidence
 from gamekeeper.contract import Contract
@@ -172,7 +170,7 @@ def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _
     noise = counterfactual.noise
     end = None if noise is None else (noise.turn or 0)
     base = by_turn(counterfactual.base, start, end)
-    changed = by_turn(counterfactual.trace, start, end)
+    changed = by_turn(counterfactual.episode, start, end)
     if api == "parallel":
         pairs = [(base.get(start + k), changed.get(start + k)) for k in (1, 2)]
     else:
@@ -218,10 +216,10 @@ def _pays_different_amounts_at_first(evidence: ProbeEvidence, part: str | None) 
     """Tells whether first steps give rewards that aren't always the same."""
     amounts = set[float]()
     for look in evidence.looks.get("influence", ()):
-        for trace in {
+        for episode in {
             id(counterfactual.base): counterfactual.base for counterfactual in look.counterfactuals
         }.values():
-            for turn in trace.turns[:1]:
+            for turn in episode.turns[:1]:
                 amounts.update(_paid(turn, part).values())
     return len(amounts) > 1
 
@@ -311,7 +309,7 @@ def _rare_proof(fact: Fact[PaymentTime], api: str) -> Reproducer:
 def _case(trial: _Trial, *, ok: bool, api: str, part: str | None) -> Case:
     change = trial.counterfactual.change
     agent, turn = str(change["agent"]), int(change["turn"])
-    action = by_turn(trial.counterfactual.trace, turn)[turn].actions.get(agent, change["action"])
+    action = by_turn(trial.counterfactual.episode, turn)[turn].actions.get(agent, change["action"])
     is_parallel = api == "parallel"
     proof = _proof(agent, turn, action, part) if is_parallel else _aec_proof(turn, action)
     field = "cumulative_reward" if part is None else f"terms[{part!r}]"

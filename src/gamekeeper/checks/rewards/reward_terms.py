@@ -1,14 +1,12 @@
 """Checks of declared reward terms."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, Case, Cases, check
-from gamekeeper.checks.facts.play_facts import Payment
+from gamekeeper.checks.facts.episode_facts import Payment
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.contract import Contract, RewardTerm
@@ -27,7 +25,7 @@ class PaidTerms:
         payable: agents that were live and hadn't ended before it.
     """
 
-    trace: Episode
+    episode: Episode
     turn: Turn
     terms: Mapping[str, Mapping[str, float]]
     payable: frozenset[str]
@@ -36,9 +34,9 @@ class PaidTerms:
 def all_paid(contract: Contract, evidence: ProbeEvidence) -> Iterator[PaidTerms]:
     """Every step by term: as the environment tells its terms, or the only one there is."""
     only = next(iter(contract.rewards)) if len(contract.rewards) == 1 else None
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         live: set[str] = set()
-        for turn in trace.turns:
+        for turn in episode.turns:
             live = set(turn.live) if evidence.api == "parallel" else _now(live, turn)
             if not turn.order or any("reward" in fields for fields in turn.nonconforming.values()):
                 continue
@@ -49,7 +47,7 @@ def all_paid(contract: Contract, evidence: ProbeEvidence) -> Iterator[PaidTerms]
             if not by_term and only is not None:
                 by_term = {only: dict(turn.rewards)}
             if by_term:
-                yield PaidTerms(trace, turn, by_term, frozenset(live - turn.ended))
+                yield PaidTerms(episode, turn, by_term, frozenset(live - turn.ended))
             live -= turn.ended
 
 
@@ -68,7 +66,7 @@ def _now(live: set[str], turn: Turn) -> set[str]:
 def _no_sum(contract: Contract, evidence: ProbeEvidence) -> str | None:
     if not contract.rewards:
         return "no reward terms are declared"
-    told = any(turn.terms for trace in evidence["rollout"] for turn in trace.turns)
+    told = any(turn.terms for episode in evidence["rollout"] for turn in episode.turns)
     return None if told else "the environment doesn't tell its rewards by term (`terms`)"
 
 
@@ -95,15 +93,15 @@ def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: pay every part of the reward under a term that the contract declares
     """
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             for agent, terms in turn.terms.items():
                 reward = turn.rewards.get(agent)
                 if reward is None:
                     continue
                 left = reward - sum(terms.values())
                 scale = abs(reward) + sum(map(abs, terms.values()))
-                where = trace.at(turn, agent, "terms")
+                where = episode.at(turn, agent, "terms")
                 seen = f"{dict(terms)!r}, which leaves {left!r}"
                 proof = _sum_proof(evidence.api, agent)
                 yield Case(where, is_zero(left, scale), f"{reward!r}, the reward", seen, proof)
@@ -170,7 +168,7 @@ def _look(contract: Contract, api: str, paid: PaidTerms, name: str, term: Reward
     is_shared = term.kind == "shared"
     left = max(values.values()) - min(values.values()) if is_shared else sum(values.values())
     yield Case(
-        paid.trace.at(paid.turn, None, "rewards"),
+        paid.episode.at(paid.turn, None, "rewards"),
         is_zero(left, scale),
         f"{name}: the same for all payees" if is_shared else f"{name}: payments that sum to 0",
         f"{values!r}",

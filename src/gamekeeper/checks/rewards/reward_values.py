@@ -1,7 +1,5 @@
 """Checks of rewards: numbers, made anew, told once and in full by `last()`, and 0 after the end."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -30,7 +28,7 @@ MOST_TIMES: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
-class ToldReward:
+class ReportedReward:
     """Cumulative reward that `last()` gave an agent at its turn, beside the sum it should be.
 
     Attributes:
@@ -39,7 +37,7 @@ class ToldReward:
         carried: what it was told at its own last turn; 0 at its first.
     """
 
-    trace: Episode
+    episode: Episode
     turn: int
     agent: str
     told: float
@@ -77,7 +75,7 @@ def _in_halves(paid: tuple[float, ...]) -> float | None:
         return float(np.add.accumulate(np.array([0.0, *paid], np.float16))[-1]) or None
 
 
-def all_told(evidence: ProbeEvidence) -> Iterator[tuple[ToldReward, Kind]]:
+def all_told(evidence: ProbeEvidence) -> Iterator[tuple[ReportedReward, Kind]]:
     """Every look at what an agent was told, where it was paid or told anything, and what it is.
 
     Too much that names its cause (*carried*, *again*) is it where at least half of all that is
@@ -92,12 +90,12 @@ def all_told(evidence: ProbeEvidence) -> Iterator[tuple[ToldReward, Kind]]:
         yield told, likely if likely is not None and is_it else "lost"
 
 
-def _all_told(evidence: ProbeEvidence) -> Iterator[ToldReward]:
-    for trace in evidence["rollout"]:
-        yield from _told(trace, {})
+def _all_told(evidence: ProbeEvidence) -> Iterator[ReportedReward]:
+    for episode in evidence["rollout"]:
+        yield from _told(episode, {})
     says = [fact.value.turns for fact in evidence.facts(LastRewards)]
-    for trace, last in zip(evidence["books"], says, strict=False):
-        yield from _told(trace, last)
+    for episode, last in zip(evidence["books"], says, strict=False):
+        yield from _told(episode, last)
 
 
 def is_dead_step(turn: Turn) -> bool:
@@ -138,17 +136,19 @@ class _Ledger:
                 self.of(agent).is_sure = False
 
 
-def _told(trace: Episode, last: Mapping[int, Any]) -> Iterator[ToldReward]:
+def _told(episode: Episode, last: Mapping[int, Any]) -> Iterator[ReportedReward]:
     """The looks of one play; `last` has what `last()` itself said, by turn, where that is known."""
     ledger = _Ledger()
-    for turn in trace.turns:
+    for turn in episode.turns:
         agent = turn.order[0] if turn.order else next(iter(turn.cumulative_reward), None)
         if agent is None:
             continue
         told, account = last.get(turn.index, turn.cumulative_reward.get(agent)), ledger.of(agent)
         is_known = isinstance(told, int | float) and math.isfinite(told)
         if is_known and account.is_sure and (told or sum(account.paid) or account.carried):
-            yield ToldReward(trace, turn.index, agent, told, tuple(account.paid), account.carried)
+            yield ReportedReward(
+                episode, turn.index, agent, told, tuple(account.paid), account.carried
+            )
         ledger.accounts[agent] = _Account(carried=told if is_known else 0.0)
         ledger.book(turn)
 
@@ -175,7 +175,7 @@ def rewards_reach_the_agent(contract: Contract, evidence: ProbeEvidence) -> Case
     `rewards`, set them, and call `self._accumulate_rewards()` last, on every path
     """
     for told, kind in all_told(evidence):
-        where = told.trace.at(told.turn, told.agent, "cumulative_reward")
+        where = told.episode.at(told.turn, told.agent, "cumulative_reward")
         expected = f"{told.owed!r}, the sum of `rewards` since its last turn"
         seen = f"last() gives {told.told!r}"
         yield Case(where, kind != "lost", expected, seen, reproducer_of(rewards_add_up))
@@ -208,7 +208,7 @@ def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
             "again": ", the same more than once",
         }.get(kind, "")
         yield Case(
-            told.trace.at(told.turn, told.agent, "cumulative_reward"),
+            told.episode.at(told.turn, told.agent, "cumulative_reward"),
             kind not in ("carried", "again"),
             f"{told.owed!r}, the sum of `rewards` since its last turn",
             f"last() gives {told.told!r}{more}",
@@ -269,14 +269,14 @@ def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: clear `rewards` in the None step of a dead agent, as `self._was_dead_step(None)` does
     """
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         stood: Mapping[str, float] = {}
         ended: set[str] = set()
-        for turn in trace.turns:
+        for turn in episode.turns:
             ended |= turn.ended
             if is_dead_step(turn):
                 left = _left(turn, stood, ended)
-                where = trace.at(turn, turn.order[0], "rewards")
+                where = episode.at(turn, turn.order[0], "rewards")
                 expected = "nobody is paid by a dead agent's step"
                 seen = f"rewards after it: {left!r}"
                 yield Case(where, not left, expected, seen, reproducer_of(dead_pay_stops))
@@ -316,16 +316,16 @@ def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Fix: pay a finite Python or NumPy number: 0.0 where nothing is paid, `float(...)` around an
     array of one element
     """
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             strange = _strange(turn)
             for agent, seen in strange.items():
-                where = trace.at(turn, agent, "rewards")
+                where = episode.at(turn, agent, "rewards")
                 expected = "one finite real number"
                 yield Case(where, False, expected, seen, _number_proof(evidence.api, agent))
             for agent, reward in turn.rewards.items():
                 if agent not in strange:
-                    where = trace.at(turn, agent, "rewards")
+                    where = episode.at(turn, agent, "rewards")
                     is_ok = math.isfinite(reward)
                     expected = "one finite real number"
                     yield Case(where, is_ok, expected, reward, _number_proof(evidence.api, agent))
@@ -390,15 +390,15 @@ def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Fix: pay an agent 0 once it has ended, or declare rewards.after_end = "allowed"
     """
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         ended: frozenset[str] = frozenset()
-        for turn in trace.turns:
+        for turn in episode.turns:
             ended = (ended - turn.live) | turn.ended  # who is live again is another check's
             if evidence.api == "aec" and is_dead_step(turn):
                 continue  # what a dead step leaves standing is GK407's
             for agent in sorted(ended):
                 paid = turn.rewards.get(agent, 0.0)
-                where = trace.at(turn, agent, "rewards")
+                where = episode.at(turn, agent, "rewards")
                 yield Case(where, paid == 0.0, 0.0, paid, _after_end_proof(evidence.api, agent))
 
 

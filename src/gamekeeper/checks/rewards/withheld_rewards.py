@@ -1,7 +1,5 @@
 """Rewards of environments that pay in every step: lost by a truncation, or some steps late."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
@@ -26,9 +24,9 @@ STEADY: Final = 0.9
 MOST_LATE: Final = 4
 
 
-def _paid_steps(trace: Episode) -> Iterator[tuple[Turn, Turn, bool]]:
+def _paid_steps(episode: Episode) -> Iterator[tuple[Turn, Turn, bool]]:
     """Steps of live agents: the turn, the one after it, and whether somebody was paid."""
-    turns = trace.turns
+    turns = episode.turns
     for turn, after in pairwise(turns):
         if turn.order and not set(turn.order) <= turn.ended and not turn.raised:
             yield turn, after, any(turn.rewards.values())
@@ -60,12 +58,12 @@ def truncations_lose_no_reward(contract: Contract, evidence: ProbeEvidence) -> C
     """
     ordinary: list[bool] = []
     cuts: dict[Any, list[tuple[Episode, Turn, bool]]] = {}
-    for trace in evidence["rollout"]:
-        for turn, after, is_paid in _paid_steps(trace):
+    for episode in evidence["rollout"]:
+        for turn, after, is_paid in _paid_steps(episode):
             live = after.live - after.ended
             is_cut = any(after.truncated.values()) and not (live or any(after.terminated.values()))
             if is_cut:
-                cuts.setdefault(trace.seed, []).append((trace, turn, is_paid))
+                cuts.setdefault(episode.seed, []).append((episode, turn, is_paid))
             elif not after.ended:
                 ordinary.append(is_paid)
     if len(ordinary) < LEAST_STEPS or sum(ordinary) < DENSE * len(ordinary):
@@ -73,9 +71,9 @@ def truncations_lose_no_reward(contract: Contract, evidence: ProbeEvidence) -> C
     looks = [each for seed in cuts for each in cuts[seed][:1]]
     is_lost = not any(is_paid for *_, is_paid in looks)
     books = "rewards" if evidence.api == "parallel" else "env.rewards"
-    for trace, turn, _ in looks if len(looks) >= LEAST_CUTS else ():
+    for episode, turn, _ in looks if len(looks) >= LEAST_CUTS else ():
         yield Case(
-            trace.at(turn, None, "rewards"),
+            episode.at(turn, None, "rewards"),
             not is_lost,
             f"a reward, as in {sum(ordinary)} of {len(ordinary)} other steps",
             f"nobody is paid in a step that truncates, in each of {len(looks)} episodes",
@@ -138,7 +136,7 @@ def rewards_are_not_held_back(contract: Contract, evidence: ProbeEvidence) -> Ca
 def _first_lag(trial: ProbeCounterfactual) -> int | None:
     """Steps from a replaced action to the first reward of anybody that it moves."""
     start = int(trial.change["turn"])
-    base, changed = by_turn(trial.base, start), by_turn(trial.trace, start)
+    base, changed = by_turn(trial.base, start), by_turn(trial.episode, start)
     for turn in sorted(base.keys() & changed.keys()):
         one, two = base[turn], changed[turn]
         if one.order and two.order and dict(one.rewards) != dict(two.rewards):
@@ -150,8 +148,8 @@ def _begins_unpaid(evidence: ProbeEvidence, late: int) -> bool:
     """Tells whether the first steps of every episode pay nobody, and almost all others do."""
     steps = [
         (turn.index, is_paid)
-        for trace in evidence["rollout"]
-        for turn, _, is_paid in _paid_steps(trace)
+        for episode in evidence["rollout"]
+        for turn, _, is_paid in _paid_steps(episode)
     ]
     first = [is_paid for index, is_paid in steps if index < late]
     rest = [is_paid for index, is_paid in steps if index >= late]
@@ -165,7 +163,7 @@ def _shows_at_once(trials: list[ProbeCounterfactual], late: int) -> bool:
     at_once = set[int]()
     for trial in trials:
         start = int(trial.change["turn"])
-        base, changed = by_turn(trial.base, start), by_turn(trial.trace, start)
+        base, changed = by_turn(trial.base, start), by_turn(trial.episode, start)
         moved = []
         for turn in range(start + 1, start + late + 2):
             one, two = (each[turn].observations if turn in each else {} for each in (base, changed))
@@ -180,7 +178,7 @@ def _shows_at_once(trials: list[ProbeCounterfactual], late: int) -> bool:
 
 def _proof(api: str, trial: ProbeCounterfactual, late: int) -> Reproducer:
     agent, turn = str(trial.change["agent"]), int(trial.change["turn"])
-    action = by_turn(trial.trace, turn)[turn].actions.get(agent, trial.change["action"])
+    action = by_turn(trial.episode, turn)[turn].actions.get(agent, trial.change["action"])
     paid = "dict(env.step(each)[1])" if api == "parallel" else "(env.step(each), dict(env.rewards))"
     replaced = (
         f"{{**other[{turn}], {agent!r}: {literal(action)}}}"

@@ -1,7 +1,5 @@
 """Checks of what the dictionaries say of agents that live, end or have left."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -60,12 +58,12 @@ class TurnEntries:
         return bool(self.turn.live) and not any(self.has(agent) for agent in self.turn.live)
 
 
-def turn_entries(trace: Episode) -> Iterator[TurnEntries]:
-    """The turns of a Parallel trace with what their dictionaries leave out."""
+def turn_entries(episode: Episode) -> Iterator[TurnEntries]:
+    """The turns of a Parallel episode with what their dictionaries leave out."""
     before: frozenset[str] = frozenset()
     acted: frozenset[str] = frozenset()
-    is_nonconforming = has_nonconforming_rows(trace)
-    for turn in trace.turns:
+    is_nonconforming = has_nonconforming_rows(episode)
+    for turn in episode.turns:
         missing = {
             agent: frozenset(
                 part for part in PARTS if nonconforming.get(part, {}).get("type") == "missing"
@@ -78,15 +76,15 @@ def turn_entries(trace: Episode) -> Iterator[TurnEntries]:
         before, acted = turn.live, frozenset(turn.order)
 
 
-def has_nonconforming_rows(trace: Episode) -> bool:
+def has_nonconforming_rows(episode: Episode) -> bool:
     """Tells whether any value isn't as declared; asking turns for it takes long."""
-    return trace.steps["nonconforming"].null_count < trace.steps.num_rows  # type: ignore[no-any-return]
+    return episode.steps["nonconforming"].null_count < episode.steps.num_rows  # type: ignore[no-any-return]
 
 
-def entry_place(trace: Episode, turn: Turn, agent: str, part: str) -> Where:
+def entry_place(episode: Episode, turn: Turn, agent: str, part: str) -> Where:
     """Place of a missing entry; a reward belongs to the turn whose step gave it."""
     number = turn.index - 1 if part == "cumulative_reward" else turn.index
-    return trace.at(number, agent, PARTS[part])
+    return episode.at(number, agent, PARTS[part])
 
 
 ACCOUNTS: Final = frozenset({"cumulative_reward", "terminated", "truncated"})
@@ -111,9 +109,9 @@ def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvid
     if evidence.api == "aec":
         yield from _gone_in_books(evidence, _removed_early(contract, evidence))
         return
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         ever: set[str] = set()
-        turns = [*turn_entries(trace), None]
+        turns = [*turn_entries(episode), None]
         for each, following in pairwise(turns):
             assert each is not None  # for the type checker: None stands behind the last one
             ever |= each.turn.live
@@ -129,9 +127,11 @@ def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvid
                 proof = (
                     f"gone = set({PARTS[part]}) - set(env.agents) - set(ACTIONS[-1])\n{NONE_GONE}"
                 )
-                yield Case(entry_place(trace, each.turn, agent, part), False, expected, seen, proof)
+                yield Case(
+                    entry_place(episode, each.turn, agent, part), False, expected, seen, proof
+                )
             if not bad:
-                yield Case(trace.at(each.turn, None, "agents"), True)
+                yield Case(episode.at(each.turn, None, "agents"), True)
 
 
 def _removed_early(contract: Contract, evidence: ProbeEvidence) -> set[str]:
@@ -182,21 +182,21 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
         return
     forms = [fact.value.calls for fact in evidence.facts(ReturnedForms)]
     misshapen = {turn > 0 for calls in forms for turn, wrong in enumerate(calls) if wrong}
-    for trace in evidence["rollout"]:
-        for each in turn_entries(trace):
+    for episode in evidence["rollout"]:
+        for each in turn_entries(episode):
             if each.says_nothing or (each.turn.index > 0) in misshapen:
                 continue  # no dictionary, so no entry: GK110
             bad = [(a, p) for a in sorted(each.missing) for p in _owed(each, a)]
             for agent, part in bad:
                 yield Case(
-                    entry_place(trace, each.turn, agent, part),
+                    entry_place(episode, each.turn, agent, part),
                     False,
                     "an entry, as the agent is live",
                     "no entry",
                     proof=_living_proof(PARTS[part]),
                 )
             if not bad:
-                yield Case(trace.at(each.turn, None, "agents"), True)
+                yield Case(episode.at(each.turn, None, "agents"), True)
 
 
 def _owed(each: TurnEntries, agent: str) -> list[str]:
@@ -242,22 +242,22 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
     Fix: build the dictionaries of a step over those who acted in it, before the ones that ended are
     taken out of `agents`
     """
-    for trace in evidence["rollout"]:
-        for each in turn_entries(trace):
+    for episode in evidence["rollout"]:
+        for each in turn_entries(episode):
             for agent in sorted(each.acted - each.turn.live):
                 if not each.has(agent) or agent not in each.turn.agents:
                     continue  # nothing is told of it at all: it left without ending
                 lost = sorted(each.missing.get(agent, frozenset()) - {"info"})
                 for part in lost:
                     yield Case(
-                        entry_place(trace, each.turn, agent, part),
+                        entry_place(episode, each.turn, agent, part),
                         False,
                         "an entry in the step that ends the agent",
                         "no entry",
                         proof=_last_step_proof(part),
                     )
                 if not lost:
-                    yield Case(trace.at(each.turn, agent, "agents"), True)
+                    yield Case(episode.at(each.turn, agent, "agents"), True)
 
 
 def _last_step_proof(part: str) -> str:
@@ -303,8 +303,8 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
                 )
         return
     answers = any(fact.value.infos_answer for fact in evidence.facts(ReturnedForms))
-    for trace in evidence["rollout"]:
-        for each in turn_entries(trace):
+    for episode in evidence["rollout"]:
+        for each in turn_entries(episode):
             if each.says_nothing:
                 continue
             live = each.turn.live if not each.turn.index else each.turn.live & each.before
@@ -312,7 +312,7 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
             owed &= set(each.turn.agents)
             lost = sorted(a for a in owed if "info" in each.missing.get(a, ()) and not answers)
             yield Case(
-                trace.at(each.turn, lost[0] if lost else None, "infos"),
+                episode.at(each.turn, lost[0] if lost else None, "infos"),
                 not lost,
                 "an entry for every agent",
                 f"none for {', '.join(lost)}",
@@ -378,9 +378,9 @@ def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> C
     Fix: build observations and infos over those who acted in this step (and who joined in it), not
     over possible_agents
     """
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         ever: set[str] = set()
-        for each in turn_entries(trace):
+        for each in turn_entries(episode):
             ever |= each.turn.live
             gone = (set(each.turn.agents) & ever) - each.turn.live - each.before - each.acted
             bad = [
@@ -390,9 +390,11 @@ def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> C
                 expected = "no entry: it has left"
                 seen = f"an entry in {PARTS[part]}"
                 proof = _gone_view_proof(part)
-                yield Case(entry_place(trace, each.turn, agent, part), False, expected, seen, proof)
+                yield Case(
+                    entry_place(episode, each.turn, agent, part), False, expected, seen, proof
+                )
             if not bad:
-                yield Case(trace.at(each.turn, None, "agents"), True)
+                yield Case(episode.at(each.turn, None, "agents"), True)
 
 
 def _gone_view_proof(part: str) -> str:

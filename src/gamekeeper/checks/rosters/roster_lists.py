@@ -1,14 +1,12 @@
 """Checks of the lists `possible_agents` and `agents`: known, kept, filled anew, counted right."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import plays_with_rosters
-from gamekeeper.checks.facts.play_facts import AgentNames, TurnRosters
+from gamekeeper.checks.facts.episode_facts import AgentNames, TurnRosters
 from gamekeeper.checks.facts.surface_facts import (
     AgentCounts,
     LiveRosters,
@@ -181,22 +179,22 @@ def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) 
 
 
 def _strangers_in_dictionaries(evidence: ProbeEvidence, possible: set[str]) -> Cases:
-    for trace in evidence["rollout"]:
-        for each in turn_entries(trace):
+    for episode in evidence["rollout"]:
+        for each in turn_entries(episode):
             if not each.turn.index:
                 continue
             strangers = [a for a in each.turn.agents if not _is_known(a, possible)]
             for agent in strangers:
                 for part in sorted(each.has(agent) - FREE):
                     yield Case(
-                        entry_place(trace, each.turn, agent, part),
+                        entry_place(episode, each.turn, agent, part),
                         False,
                         "entries of agents only",
                         f"an entry of {agent!r}",
                         proof=_stranger_proof(part),
                     )
             if not strangers:
-                yield Case(trace.at(each.turn, None, "agents"), True)
+                yield Case(episode.at(each.turn, None, "agents"), True)
 
 
 def _is_known(agent: str, possible: set[str]) -> bool:
@@ -299,28 +297,28 @@ def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvide
     Fix: keep an agent that will be back in `agents` without ending it, or let a new one join under
     a name that wasn't used in this episode
     """
-    for trace, rosters in plays_with_rosters(evidence):
+    for episode, rosters in plays_with_rosters(evidence):
         gone: set[str] = set()
         live: set[str] = set(rosters[0]) if rosters else set()
         for turn, names in enumerate(rosters):
             gone |= live - set(names)
             live = set(names)
             back = sorted(live & gone)
-            back = [agent for agent in back if not _may_return(contract, trace, agent, turn)]
+            back = [agent for agent in back if not _may_return(contract, episode, agent, turn)]
             if gone:
-                where = trace.at(turn, back[0] if back else None, "agents")
+                where = episode.at(turn, back[0] if back else None, "agents")
                 expected = "gone for the rest of the episode"
                 seen = f"back: {', '.join(back)}"
                 yield Case(where, not back, expected, seen, _proof(evidence.api))
             gone -= live
 
 
-def _may_return(contract: Contract, trace: Episode, agent: str, turn: int) -> bool:
+def _may_return(contract: Contract, episode: Episode, agent: str, turn: int) -> bool:
     """Declared free to leave and join, and didn't end before."""
     role = contract.roles.get(contract.role_of(agent) or "")
     if role is None or not (role.may_leave and role.may_join):
         return False
-    return not any(agent in each.ended for each in trace.turns if each.index < turn)
+    return not any(agent in each.ended for each in episode.turns if each.index < turn)
 
 
 def _proof(api: str) -> str:

@@ -1,12 +1,11 @@
 """Checks of values handed out or over: they stay, are copies, and agents have their own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, check
+from gamekeeper.checks.compared_reproducer import env_steps_of, first_divergence_words
 from gamekeeper.checks.facts.handed_facts import (
     HandedActions,
     HandedOptions,
@@ -17,7 +16,6 @@ from gamekeeper.checks.facts.handed_facts import (
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import actions_are_read_at_once, actions_stay
-from gamekeeper.checks.story import env_steps_of, first_divergence_words
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import shown
 

@@ -1,10 +1,8 @@
 """Check of the options of a reset: they hold for one episode."""
 
-from __future__ import annotations
-
 from gamekeeper.checks.check import MEDIUM, Cases, check
 from gamekeeper.checks.literal import literal
-from gamekeeper.checks.paired_plays import parted, program, settled_by_seed, told_of
+from gamekeeper.checks.paired_episodes import parted, program, settled_by_seed, told_of
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 

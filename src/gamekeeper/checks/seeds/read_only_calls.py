@@ -1,14 +1,12 @@
 """Checks of calls that only look."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, check
+from gamekeeper.checks.compared_reproducer import env_steps_of, first_divergence_words, story_proof
 from gamekeeper.checks.facts.handed_facts import OfferedCalls, RepeatedLast
 from gamekeeper.checks.probe_evidence import ProbeEvidence
-from gamekeeper.checks.story import env_steps_of, first_divergence_words, story_proof
 from gamekeeper.contract import Contract
 
 EVERYBODY = "for agent in env.agents:\n    "

@@ -1,7 +1,5 @@
 """Checks of seeds: they settle a play, differ, and hold for later episodes."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -10,15 +8,15 @@ from typing import Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
+    EpisodeElsewhere,
     PlainSeed,
-    PlayElsewhere,
-    SeededPlays,
+    SeededEpisodes,
     SettledElsewhere,
     SpecialRefused,
+    UnseededEpisodes,
     UnseededOpenings,
-    UnseededPlays,
 )
-from gamekeeper.checks.paired_plays import (
+from gamekeeper.checks.paired_episodes import (
     FIELD,
     SAME,
     difference_place,
@@ -70,9 +68,9 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Case
     Fix: build the generator from `seed` in reset(), and draw from nothing else
     """
     for look in evidence.looks.get("unseeded", ()):
-        plays = look.fact(SeededPlays)
+        plays = look.fact(SeededEpisodes)
         first = look.fact(UnseededOpenings)
-        other = look.fact(PlayElsewhere)
+        other = look.fact(EpisodeElsewhere)
         if plays is None:
             continue
         seeded = plays.value.digests
@@ -295,7 +293,7 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
     seed is given or none was built yet
     """
     for look in evidence.looks.get("unseeded", ()):
-        plays, others = look.fact(SeededPlays), look.fact(UnseededPlays)
+        plays, others = look.fact(SeededEpisodes), look.fact(UnseededEpisodes)
         if plays is None or others is None:
             continue
         seeded, unseeded, at = plays.value.digests, others.value.digests, others.where

@@ -1,7 +1,5 @@
 """Checks of state that plays share: global generators, earlier episodes, other instances."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Final
 
@@ -16,7 +14,7 @@ from gamekeeper.checks.facts.seed_facts import (
     UnmovedGenerator,
 )
 from gamekeeper.checks.literal import literal
-from gamekeeper.checks.paired_plays import (
+from gamekeeper.checks.paired_episodes import (
     difference_place,
     ignores_seeds,
     is_blind_later,

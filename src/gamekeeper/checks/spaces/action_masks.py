@@ -1,7 +1,5 @@
 """Checks of action masks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -36,7 +34,7 @@ class GivenMask:
         space: the action space of the agent.
     """
 
-    trace: Episode
+    episode: Episode
     turn: Turn
     agent: str
     place: str
@@ -62,18 +60,18 @@ def mask_places(contract: Contract, agent: str) -> tuple[tuple[str, Reader], ...
 def masks(contract: Contract, evidence: ProbeEvidence) -> Iterator[GivenMask]:
     """Every mask that an agent to move was given in a rollout."""
     known = spaces_of(evidence, "action")
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             for agent in movers(evidence.api, turn):
                 for place, read in mask_places(contract, agent):
                     mask = read(turn.observations.get(agent), turn.infos.get(agent))
                     if mask is not None and known.get(agent) is not None:
-                        yield GivenMask(trace, turn, agent, place, known[agent], mask)
+                        yield GivenMask(episode, turn, agent, place, known[agent], mask)
 
 
 def without_masks(contract: Contract, evidence: ProbeEvidence) -> str | None:
     """Says that no agent is given a mask anywhere; None where one is, or nothing was played."""
-    is_played = any(trace.turns for trace in evidence["rollout"])
+    is_played = any(episode.turns for episode in evidence["rollout"])
     if (
         not is_played
         or _none_declared(contract, evidence) is None
@@ -205,7 +203,7 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
     Fix: give a mask with one number for each action of the agent's action space
     """
     for each in masks(contract, evidence):
-        where = each.trace.at(each.turn, each.agent, each.place)
+        where = each.episode.at(each.turn, each.agent, each.place)
         fault = fits(each.space, each.mask)
         if fault is None or is_joint(each.space, each.mask) or is_shared(each.space, each.mask):
             yield Case(where, True)
@@ -248,7 +246,7 @@ def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -
         seen = _fault(each.space, each.mask)
         proof = mask_lines(evidence.api, each.agent, each.place)
         yield Case(
-            each.trace.at(each.turn, each.agent, each.place),
+            each.episode.at(each.turn, each.agent, each.place),
             seen is None,
             "an int8 array of 0 and 1",
             seen,
@@ -313,7 +311,7 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
             "all(np.any(part) for part in mask)" if isinstance(each.mask, tuple) else "mask.any()"
         )
         yield Case(
-            each.trace.at(each.turn, each.agent, each.place),
+            each.episode.at(each.turn, each.agent, each.place),
             not is_stuck,
             "an action that is allowed",
             "none is",
@@ -342,12 +340,12 @@ def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: make the mask once and put it into both places, or into one of them only
     """
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             for agent in movers(evidence.api, turn):
                 for seen, told in _pair_of(turn, agent):
                     yield Case(
-                        trace.at(turn, agent, f"infos[{MASK!r}]"),
+                        episode.at(turn, agent, f"infos[{MASK!r}]"),
                         _same(seen, told),
                         seen,
                         told,
@@ -408,10 +406,10 @@ def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> C
 
     Fix: put the mask where roles.<role>.mask says, or declare where it stands
     """
-    for trace in evidence["rollout"]:
+    for episode in evidence["rollout"]:
         first: dict[str, int] = {}
         found: set[str] = set()
-        for turn in trace.turns:
+        for turn in episode.turns:
             for agent in movers(evidence.api, turn):
                 place = contract.mask_of(agent)
                 if place is not None:
@@ -421,7 +419,7 @@ def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> C
         for agent, turn_index in first.items():
             place = str(contract.mask_of(agent))
             yield Case(
-                trace.at(turn_index, agent, place),
+                episode.at(turn_index, agent, place),
                 agent in found,
                 f"a mask at {place}",
                 "nothing stands there",

@@ -1,7 +1,5 @@
 """Checks of the spaces that an environment declares."""
 
-from __future__ import annotations
-
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import AskedSpace, ChangedSpace, SpaceEntry, SpaceFaults

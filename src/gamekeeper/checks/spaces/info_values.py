@@ -1,7 +1,5 @@
 """Checks of infos."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -29,13 +27,13 @@ def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Cases
 
     Fix: give every agent a dictionary for its info; an empty one where there is nothing to say
     """
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             strange = turn.nonconforming
             for agent in turn.infos:
                 seen = strange.get(agent, {}).get("info")
                 yield Case(
-                    trace.at(turn, agent, "infos"),
+                    episode.at(turn, agent, "infos"),
                     seen is None,
                     "a dictionary",
                     None if seen is None else f"a {seen['type']}: {seen.get('value')!r}",
@@ -111,15 +109,15 @@ def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
         for name, each in contract.infos.items()
         if each.dtype is not None or each.shape is not None
     }
-    for trace in evidence["rollout"]:
-        for turn in trace.turns:
+    for episode in evidence["rollout"]:
+        for turn in episode.turns:
             for agent, info in turn.infos.items():
                 if not isinstance(info, dict):
                     continue
                 for name, each in declared.items():
                     if name in info:
                         seen = fault_of(each, info[name])
-                        where = trace.at(turn, agent, f"infos[{name!r}]")
+                        where = episode.at(turn, agent, f"infos[{name!r}]")
                         expected = f"dtype {each.dtype}, shape {each.shape}"
                         proof = _info_declared_proof(evidence.api, agent, name, each)
                         yield Case(where, seen is None, expected, seen, proof)

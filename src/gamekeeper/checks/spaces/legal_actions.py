@@ -1,7 +1,5 @@
 """Checks of legal and illegal actions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -12,7 +10,7 @@ from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import TriedAction
-from gamekeeper.checks.facts.play_facts import RaisedCall
+from gamekeeper.checks.facts.episode_facts import RaisedCall
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
 from gamekeeper.checks.spaces.action_masks import (
@@ -39,7 +37,7 @@ class LegalTurn:
         raised: what the step raised, in words; None where it was accepted.
     """
 
-    trace: Episode
+    episode: Episode
     turn: Turn
     agent: str | None
     is_masked: bool
@@ -56,8 +54,8 @@ def legal_turns(contract: Contract, evidence: ProbeEvidence) -> Iterator[LegalTu
     known = spaces_of(evidence, "action")
     for look in evidence.looks.get("rollout", ()):
         raised = _raised(look)
-        for trace in look.traces:
-            for turn in trace.turns:
+        for episode in look.episodes:
+            for turn in episode.turns:
                 ended = ended_in(turn)
                 acting = [agent for agent in turn.order if agent not in ended]
                 if not acting:
@@ -71,7 +69,7 @@ def legal_turns(contract: Contract, evidence: ProbeEvidence) -> Iterator[LegalTu
                 given = {agent: mask for agent, mask in masks.items() if mask is not None}
                 bound = any(_forbids(known.get(agent), mask) for agent, mask in given.items())
                 agent = acting[0] if evidence.api == "aec" else None
-                yield LegalTurn(trace, turn, agent, bool(given), bound, said)
+                yield LegalTurn(episode, turn, agent, bool(given), bound, said)
 
 
 def _plays(known: dict[str, Any], turn: Turn, agent: str, mask: Any) -> bool:
@@ -167,7 +165,7 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
     may_blame_masks = _may_blame_masks(turns)
     for taken in turns:
         if not taken.is_masked or not may_blame_masks:
-            where = taken.trace.at(taken.turn, taken.agent, "raised")
+            where = taken.episode.at(taken.turn, taken.agent, "raised")
             expected = "a step that takes actions of the action space"
             yield Case(where, taken.raised is None, expected, taken.raised, PROOF)
 
@@ -318,6 +316,6 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
     turns = list(legal_turns(contract, evidence))
     for taken in turns if _may_blame_masks(turns) else ():
         if taken.is_masked:
-            where = taken.trace.at(taken.turn, taken.agent, "raised")
+            where = taken.episode.at(taken.turn, taken.agent, "raised")
             expected = "a step that takes what the masks allow"
             yield Case(where, taken.raised is None, expected, taken.raised, UNFINISHED)

@@ -1,7 +1,5 @@
 """Check of action masks beside what actions do: of another agent, of another moment, inverted."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Checks of whose observations are given, and of which moment."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -48,10 +46,10 @@ def assert_shows_the_step(
 ) -> None:
     """Raises where an action changes a reward at once, and observations only one step later."""
 
-    def play(paper: Any) -> Any:
+    def play(script: Any) -> Any:
         env, given = make(), []
         env.reset(seed=seed)
-        for each in paper:
+        for each in script:
             out = env.step(each)
             given.append(
                 (
@@ -96,9 +94,9 @@ def observations_are_of_their_own_agent(contract: Contract, evidence: ProbeEvide
     Fix: make each agent's observation from its own place in the game
     """
     naming = _constant(_first(evidence["rollout"]))
-    steps = [step for trace in evidence["rollout"] for step in _steps(trace)]
-    trace = next((each for each in evidence["rollout"] if len(each.turns) > 1), None)
-    if not naming or trace is None or len(steps) < LEAST_LOOKS:
+    steps = [step for episode in evidence["rollout"] for step in _steps(episode)]
+    episode = next((each for each in evidence["rollout"] if len(each.turns) > 1), None)
+    if not naming or episode is None or len(steps) < LEAST_LOOKS:
         return
     for place in _naming_places(naming):
         owners = {float(naming[agent][place]): agent for agent in naming}
@@ -109,7 +107,7 @@ def observations_are_of_their_own_agent(contract: Contract, evidence: ProbeEvide
             whose = _whose(agent, owners, given)
             if whose is not None:
                 yield Case(
-                    trace.at(1, agent, "observations"),
+                    episode.at(1, agent, "observations"),
                     whose == agent,
                     "its own number, as at the reset",
                     f"number {place} of the observations that steps give is {whose!r}'s",
@@ -145,31 +143,31 @@ def _whose(
     return wrong[0] if is_fixed or is_shared else None
 
 
-def _steps(trace: Episode) -> list[dict[str, FloatArray]]:
+def _steps(episode: Episode) -> list[dict[str, FloatArray]]:
     """Observations of each step by agent."""
     found: dict[int, dict[str, FloatArray]] = {}
-    for index, agent, vector in _vectors(trace):
+    for index, agent, vector in _vectors(episode):
         if index > 0:
             found.setdefault(index, {})[agent] = vector
     return [*found.values()]
 
 
-def _vectors(trace: Episode) -> Iterator[tuple[int, str, FloatArray]]:
-    """Each observation of a trace as numbers, those of at most `MOST_PLACES`."""
-    for turn in trace.turns:
+def _vectors(episode: Episode) -> Iterator[tuple[int, str, FloatArray]]:
+    """Each observation of an episode as numbers, those of at most `MOST_PLACES`."""
+    for turn in episode.turns:
         for agent, seen in turn.observations.items():
             vector = np.array([*numbers_in(seen)], np.float64)
             if 0 < len(vector) <= MOST_PLACES:
                 yield turn.index, agent, vector
 
 
-def _first(traces: Sequence[Episode]) -> dict[str, list[FloatArray]]:
+def _first(episodes: Sequence[Episode]) -> dict[str, list[FloatArray]]:
     """Observations of resets by agent, one for each seed."""
     found: dict[str, dict[Any, FloatArray]] = {}
-    for trace in traces:
-        for index, agent, vector in _vectors(trace):
+    for episode in episodes:
+        for index, agent, vector in _vectors(episode):
             if index == 0:
-                found.setdefault(agent, {})[trace.seed] = vector
+                found.setdefault(agent, {})[episode.seed] = vector
     return {a: [*each.values()] for a, each in found.items() if len(each) >= LEAST_EPISODES}
 
 
@@ -223,7 +221,7 @@ def observations_show_their_step(contract: Contract, evidence: ProbeEvidence) ->
     )
     for each in paid:
         agent, turn = str(each.change["agent"]), int(each.change["turn"])
-        choice = by_turn(each.trace, turn)[turn].actions.get(agent, each.change["action"])
+        choice = by_turn(each.episode, turn)[turn].actions.get(agent, each.change["action"])
         yield Case(
             each.base.at(turn + 1, agent, "observations"),
             not is_old,
@@ -239,7 +237,7 @@ def observations_show_their_step(contract: Contract, evidence: ProbeEvidence) ->
 def _moved(trial: ProbeCounterfactual) -> tuple[bool, bool, bool]:
     """Tells whether an action moved a reward of its step, and observations of it and the next."""
     start = int(trial.change["turn"])
-    base, changed = by_turn(trial.base, start), by_turn(trial.trace, start)
+    base, changed = by_turn(trial.base, start), by_turn(trial.episode, start)
     rows = [(base.get(start + k), changed.get(start + k)) for k in range(3)]
     seen = [
         one is not None
@@ -255,14 +253,14 @@ def _moved(trial: ProbeCounterfactual) -> tuple[bool, bool, bool]:
     return is_paid, seen[1], seen[2]
 
 
-def _begins_twice(traces: Sequence[Episode]) -> bool:
+def _begins_twice(episodes: Sequence[Episode]) -> bool:
     """Tells whether the first step of every episode gives each agent what the reset gave."""
     seeds = set()
-    for trace in traces:
-        looks = list(trace.turns[:2])
+    for episode in episodes:
+        looks = list(episode.turns[:2])
         if len(looks) < 2:
             continue
-        seeds.add(trace.seed)
+        seeds.add(episode.seed)
         one, two = ({a: [*numbers_in(o)] for a, o in t.observations.items()} for t in looks)
         if one != two or not any(one.values()):
             return False

@@ -1,7 +1,5 @@
 """Checks of observations beside their spaces."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,7 +23,7 @@ from gamekeeper.episodes.spaces.misfit import (
 
 @dataclass(slots=True)
 class _Rows:
-    """Observations of one agent in one trace."""
+    """Observations of one agent in one episode."""
 
     turns: list[Turn] = field(default_factory=list)
     values: list[Any] = field(default_factory=list)
@@ -47,30 +45,32 @@ def spaces_of(evidence: ProbeEvidence, which: str) -> dict[str, Any]:
 def misfit_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every observation that was given: whether it misses its space in `kind`."""
     known = spaces_of(evidence, "observation")
-    for trace in (*evidence["rollout"], *evidence["spaces"]):
-        exact, nonconforming = _rows(trace, known)
+    for episode in (*evidence["rollout"], *evidence["spaces"]):
+        exact, nonconforming = _rows(episode, known)
         for agent, rows in exact.items():
             is_open = kind in (BOUNDS, NAN) and rows.values
             bad = suspects(known[agent], rows.values, kind) if is_open else frozenset()
             for at, turn in enumerate(rows.turns):
                 if at in bad:
-                    yield _looked(evidence, trace, turn, agent, known[agent], rows.values[at], kind)
+                    yield _looked(
+                        evidence, episode, turn, agent, known[agent], rows.values[at], kind
+                    )
                 else:
-                    yield Case(trace.at(turn, agent, "observations"), True)
+                    yield Case(episode.at(turn, agent, "observations"), True)
         for agent, rows in nonconforming.items():
             if kind in (DTYPE, SHAPE) and _is_of_another_kind(known[agent], rows):
                 continue  # GK211 tells it: once an array, where a number is declared
             is_told = kind != DTYPE or _is_told(agent, known[agent], rows)
             for turn, value in zip(rows.turns, rows.values, strict=True):
                 with_masks = agent in turn.ended and not is_told
-                yield _looked(evidence, trace, turn, agent, known[agent], value, kind, with_masks)
+                yield _looked(evidence, episode, turn, agent, known[agent], value, kind, with_masks)
 
 
-def _rows(trace: Episode, known: Mapping[str, Any]) -> tuple[dict[str, _Rows], dict[str, _Rows]]:
+def _rows(episode: Episode, known: Mapping[str, Any]) -> tuple[dict[str, _Rows], dict[str, _Rows]]:
     """Rows whose structure, dtypes and shapes are those of the space, and the others."""
     exact: dict[str, _Rows] = {}
     nonconforming: dict[str, _Rows] = {}
-    for turn in trace.turns:
+    for turn in episode.turns:
         strange = turn.nonconforming
         for agent, value in turn.observations.items():
             if agent in known:
@@ -83,7 +83,7 @@ def _rows(trace: Episode, known: Mapping[str, Any]) -> tuple[dict[str, _Rows], d
 
 def _looked(
     evidence: ProbeEvidence,
-    trace: Episode,
+    episode: Episode,
     turn: Turn,
     agent: str,
     space: Any,
@@ -95,8 +95,8 @@ def _looked(
         (each for each in misfits(space, value) if _is_meant(each, kind, with_masks)), None
     )
     if found is None:
-        return Case(trace.at(turn, agent, "observations"), True)
-    where = trace.at(turn, agent, f"observations{found.path}")
+        return Case(episode.at(turn, agent, "observations"), True)
+    where = episode.at(turn, agent, f"observations{found.path}")
     proof = misfit_proof(evidence.api, agent, found)
     return Case(
         where, False, found.expected, found.actual, proof, severity=LOW if found.is_taken else None
@@ -283,8 +283,8 @@ def _in_turn(evidence: ProbeEvidence) -> frozenset[tuple[str, str]]:
     known = spaces_of(evidence, "observation")
     return frozenset(
         (each.kind, each.path)
-        for trace in (*evidence["rollout"], *evidence["spaces"])
-        for turn in trace.turns
+        for episode in (*evidence["rollout"], *evidence["spaces"])
+        for turn in episode.turns
         for agent in turn.order
         if agent in known and "obs" in turn.nonconforming.get(agent, ())
         for each in misfits(known[agent], turn.observations[agent])

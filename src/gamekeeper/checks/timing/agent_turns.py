@@ -1,15 +1,13 @@
 """Checks of the agent in turn: it is live, and an agent that ended gets its last turn."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, may_leave
+from gamekeeper.checks.facts.episode_facts import SelectedAgents, TurnRosters
 from gamekeeper.checks.facts.lifecycle_facts import IteratedAgents
-from gamekeeper.checks.facts.play_facts import SelectedAgents, TurnRosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import dead_agents_wait, dead_turns_are_taken
@@ -30,7 +28,7 @@ class AecStep:
         ended: agents whose flags were up before it, and that haven't left.
     """
 
-    trace: Episode
+    episode: Episode
     turn: int
     actor: str
     is_dead: bool
@@ -42,13 +40,13 @@ class AecStep:
 def aec_steps(evidence: ProbeEvidence) -> Iterator[list[AecStep]]:
     """The steps of each play that have been made."""
     rosters = [fact.value.turns for fact in evidence.facts(TurnRosters)]
-    for trace, agents in zip(evidence["rollout"], rosters, strict=False):
-        yield list(_env_steps(trace, agents))
+    for episode, agents in zip(evidence["rollout"], rosters, strict=False):
+        yield list(_env_steps(episode, agents))
 
 
-def _env_steps(trace: Episode, agents: Sequence[Sequence[str]]) -> Iterator[AecStep]:
+def _env_steps(episode: Episode, agents: Sequence[Sequence[str]]) -> Iterator[AecStep]:
     ended: frozenset[str] = frozenset()
-    for turn in trace.turns:
+    for turn in episode.turns:
         if turn.index + 1 >= len(agents) or not turn.order:
             return
         before, after = agents[turn.index], agents[turn.index + 1]
@@ -56,14 +54,14 @@ def _env_steps(trace: Episode, agents: Sequence[Sequence[str]]) -> Iterator[AecS
         # an agent that is back under its name begins anew
         flagged = ended_in(turn)
         ended = (ended | flagged) & frozenset(before)
-        yield AecStep(trace, turn.index, actor, actor in flagged, before, after, ended)
+        yield AecStep(episode, turn.index, actor, actor in flagged, before, after, ended)
 
 
 def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
     """Yields each agent that left in an AEC step, and if its flags were up before or after it."""
     for play in aec_steps(evidence):
         leaving = {each.turn + 1: each for each in play if set(each.before) - set(each.after)}
-        for turn in play[0].trace.turns if leaving else ():
+        for turn in play[0].episode.turns if leaving else ():
             if turn.index in leaving:
                 each = leaving[turn.index]
                 for agent in sorted(set(each.before) - set(each.after)):
@@ -128,7 +126,7 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> C
     for each, agent, has_ended in departures(evidence):
         if has_ended and not may_leave(contract, agent):  # of one without flags GK501 tells
             yield Case(
-                each.trace.at(each.turn + 1, agent, "agents"),
+                each.episode.at(each.turn + 1, agent, "agents"),
                 agent == each.actor and each.is_dead,
                 "removed by its own None step",
                 f"removed by the step of {each.actor!r}, so its end can't be read",
@@ -157,7 +155,7 @@ def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for play in aec_steps(evidence):
         for each in play:
             if each.is_dead:
-                where = each.trace.at(each.turn + 1, each.actor, "agents")
+                where = each.episode.at(each.turn + 1, each.actor, "agents")
                 is_ok = each.actor not in each.after
                 proof = reproducer_of(dead_agent_is_removed)
                 yield Case(where, is_ok, "gone after its None step", "still in `agents`", proof)
@@ -206,13 +204,13 @@ def _waits(play: list[AecStep]) -> Cases:
         since = {agent: since.get(agent, each.turn) for agent in each.ended}
         told &= each.ended
         if each.is_dead:
-            yield Case(each.trace.at(each.turn, each.actor, "agent_selection"), True)
+            yield Case(each.episode.at(each.turn, each.actor, "agent_selection"), True)
         for agent, turn in since.items():
             most = max(LEAST_TURNS, ROUNDS * len(each.before))
             if each.turn - turn >= most and agent != each.actor and agent not in told:
                 told.add(agent)
                 yield Case(
-                    each.trace.at(each.turn, agent, "agent_selection"),
+                    each.episode.at(each.turn, agent, "agent_selection"),
                     False,
                     "selected for its None turn",
                     f"ended {each.turn - turn} turns ago, waiting",

@@ -1,7 +1,5 @@
 """Checks of orders: of turns as declared, of moves made at once, and of an action dictionary."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,7 +7,7 @@ from typing import Any, Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.effects import later_looks
-from gamekeeper.checks.facts.play_facts import OrderOutcome
+from gamekeeper.checks.facts.episode_facts import OrderOutcome
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -102,7 +100,7 @@ def _looks(contract: Contract, before: _Tick | None, tick: _Tick) -> Cases:
     if before is not None and tick.is_whole:
         faults.append(_out_of_order(contract, before, tick))
     for fault in faults:
-        where = tick.env_steps[0].trace.at(last.turn, last.actor, "order")
+        where = tick.env_steps[0].episode.at(last.turn, last.actor, "order")
         expected = _declared_order_applies(contract)
         yield Case(where, fault is None, expected, fault, reproducer_of(shows_order))
 

@@ -26,8 +26,8 @@ from gamekeeper.diagnosis.attribution.recorded_actions import (
 from gamekeeper.diagnosis.attribution.replacement_runs import (
     ReplacementRunner,
     ReplacementTask,
-    paper_from_json,
-    paper_to_json,
+    script_from_json,
+    script_to_json,
 )
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.interrupts import noted_if_interrupted
@@ -44,7 +44,7 @@ PENALTIES: Final = 4
 """Payments of each agent, term and episode whose cause is looked for; of more they are drawn."""
 
 
-def scan(runner: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[str, Any]:
+def scan(runner: ReplacementRunner, script: EpisodeActions, *, seed: int) -> dict[str, Any]:
     """Everything that is looked at in one episode, as plain data.
 
     `return`; `noise`: the first turn that differs although nothing was changed, or None; `all`: by
@@ -54,45 +54,45 @@ def scan(runner: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict
     and term; `untold`: where terms are neither told nor in infos, those that are in no info, else
     None.
     """
-    rng = np.random.default_rng([seed, paper.number, paper.run == "fresh"])
-    base = runner.from_paper(paper, sees=True)
-    noise = first_difference(base, runner.from_paper(paper, sees=True))
+    rng = np.random.default_rng([seed, script.number, script.run == "fresh"])
+    base = runner.from_script(script, sees=True)
+    noise = first_difference(base, runner.from_script(script, sees=True))
     agents = list(base.actions)
     if len(agents) > MOST_AGENTS:
         agents = [agents[k] for k in sorted(rng.permutation(len(agents))[:MOST_AGENTS].tolist())]
     found: dict[str, Any] = {
-        "number": paper.number,
-        "run": paper.run,
-        "seed": paper.seed,
+        "number": script.number,
+        "run": script.run,
+        "seed": script.seed,
         "return": base.team_return(),
         "noise": noise,
-        "left_paper": base.left_paper,
+        "left_script": base.left_script,
     }
-    idle = {agent: runner.from_paper(paper, Swap(agent, None, "noop")) for agent in agents}
-    found["all"] = {a: base.team_return() - film.team_return() for a, film in idle.items()}
+    idle = {agent: runner.from_script(script, Swap(agent, None, "noop")) for agent in agents}
+    found["all"] = {a: base.team_return() - track.team_return() for a, track in idle.items()}
     found["one"] = {
         agent: float(np.mean(gains))
         for agent in agents
-        if (gains := list(_single(runner, paper, base, agent, rng)))
+        if (gains := list(_single(runner, script, base, agent, rng)))
     }
-    found["influence"] = _influence(runner, paper, base, agents, noise, rng)
-    found["penalties"] = _penalties(runner, paper, base, noise, rng)
+    found["influence"] = _influence(runner, script, base, agents, noise, rng)
+    found["penalties"] = _penalties(runner, script, base, noise, rng)
     found["terms"] = {agent: _sums(base, agent) for agent in base.actions} if base.has_terms else {}
     told = base.info_terms
     found["untold"] = None if told is None or told.hold else sorted(told.declared - told.found)
     return found
 
 
-def _sums(film: ActionTrack, agent: str) -> dict[str, float]:
+def _sums(track: ActionTrack, agent: str) -> dict[str, float]:
     """Rewards of an agent by term."""
     sums: Counter[str] = Counter()
-    for paid in film.terms:
+    for paid in track.terms:
         sums.update(paid.get(agent, {}))
     return dict(sums)
 
 
 def first_difference(one: ActionTrack, two: ActionTrack) -> int | None:
-    """The first turn at which two films of the same thing differ; None: nowhere."""
+    """The first turn at which two tracks of the same thing differ; None: nowhere."""
     for turn in range(max(len(one.rewards), len(two.rewards))):
         if turn >= len(one.rewards) or turn >= len(two.rewards):
             return turn
@@ -109,17 +109,19 @@ def _drawn(items: list[Any], most: int, rng: Generator) -> list[Any]:
 
 
 def _single(
-    runner: ReplacementRunner, paper: EpisodeActions, base: ActionTrack, agent: str, rng: Generator
+    runner: ReplacementRunner, script: EpisodeActions, base: ActionTrack, agent: str, rng: Generator
 ) -> Iterator[float]:
     """Loss of the team where one action is replaced by the noop."""
     active = [turn for turn, name, is_noop in base.moves if name == agent and not is_noop]
     for turn in _drawn(active, ONE, rng):
-        yield base.team_return() - runner.from_paper(paper, Swap(agent, turn, "noop")).team_return()
+        yield (
+            base.team_return() - runner.from_script(script, Swap(agent, turn, "noop")).team_return()
+        )
 
 
 def _influence(
     runner: ReplacementRunner,
-    paper: EpisodeActions,
+    script: EpisodeActions,
     base: ActionTrack,
     agents: list[str],
     noise: int | None,
@@ -131,20 +133,20 @@ def _influence(
     for agent in agents:
         turns = [turn for turn, name, _ in base.moves if name == agent]
         for turn in _drawn(turns, LOOKS, rng):
-            film = runner.from_paper(
-                paper, Swap(agent, turn, "other"), turns=turn + LATER + 2, rng=rng, sees=True
+            track = runner.from_script(
+                script, Swap(agent, turn, "other"), turns=turn + LATER + 2, rng=rng, sees=True
             )
-            done = film.actions[agent]
+            done = track.actions[agent]
             if fingerprint(done) == fingerprint(base.actions[agent][: len(done)]):
                 continue  # there was no other action
-            for key, is_changed in changes(base, film, agent, turn, noise):
+            for key, is_changed in changes(base, track, agent, turn, noise):
                 looks[key] += 1
                 hits[key] += is_changed
     return [[*key, hits[key], looks[key]] for key in sorted(looks)]
 
 
 def changes(
-    base: ActionTrack, film: ActionTrack, agent: str, start: int, noise: int | None
+    base: ActionTrack, track: ActionTrack, agent: str, start: int, noise: int | None
 ) -> Iterator[tuple[tuple[str, str, str, int], bool]]:
     """Each look at whether an action changed something: whose, for whom, on what, how much later.
 
@@ -154,17 +156,17 @@ def changes(
     for turn in range(start, end + 1):
         if turn >= len(base.rewards):
             return
-        was, now = base.rewards[turn], film.rewards[turn] if turn < len(film.rewards) else {}
+        was, now = base.rewards[turn], track.rewards[turn] if turn < len(track.rewards) else {}
         for name in was:
             is_changed = was[name] != now.get(name, 0.0)
             yield (agent, name, "reward", turn - start), is_changed
-            over = film.ended[min(turn, len(film.ended) - 1)]
+            over = track.ended[min(turn, len(track.ended) - 1)]
             is_changed = (name in base.ended[turn]) != (name in over)
             yield (agent, name, "ending", turn - start), is_changed
     for turn in range(start + 1, end + 2):
         for name in base.actions:
-            if (turn, name) in base.given and (turn, name) in film.given:
-                is_changed = base.given[turn, name] != film.given[turn, name]
+            if (turn, name) in base.given and (turn, name) in track.given:
+                is_changed = base.given[turn, name] != track.given[turn, name]
                 yield (agent, name, "observation", turn - start), is_changed
 
 
@@ -173,13 +175,13 @@ def changes(
 
 def _penalties(
     runner: ReplacementRunner,
-    paper: EpisodeActions,
+    script: EpisodeActions,
     base: ActionTrack,
     noise: int | None,
     rng: Generator,
 ) -> list[dict[str, Any]]:
     """Penalties that a term's earner should have got, and the agent that caused them."""
-    if paper.run != "recorded":
+    if script.run != "recorded":
         return []
     costs = payments(base, runner.contract, has_terms=base.has_terms)
     paid: dict[tuple[str, str], list[int]] = {}
@@ -193,10 +195,12 @@ def _penalties(
             "term": term,
             "agent": agent,
             "turn": turn,
-            "seed": paper.seed,
+            "seed": script.seed,
             "paid": costs[turn][agent][term],
             "of": len(turns),
-            "causers": _causers(runner, paper, base, (term, agent, turn), costs[turn][agent][term]),
+            "causers": _causers(
+                runner, script, base, (term, agent, turn), costs[turn][agent][term]
+            ),
         }
         for (term, agent), turns in paid.items()
         for turn in _drawn(turns, PENALTIES, rng)
@@ -204,22 +208,22 @@ def _penalties(
 
 
 def payments(
-    film: ActionTrack, contract: Contract, *, has_terms: bool
+    track: ActionTrack, contract: Contract, *, has_terms: bool
 ) -> list[dict[str, dict[str, float]]]:
     """By turn and agent, the negative payments of terms whose payee is their earner.
 
     Args:
-        has_terms: the unchanged film tells terms; in a short one of few of them nobody could say.
+        has_terms: the unchanged track tells terms; in a short one of few of them nobody could say.
     """
     own = {name for name, term in contract.rewards.items() if term.payee == ("earner",)}
     told: list[Mapping[str, Mapping[str, float]]]
     if has_terms:
-        told = list(film.terms)
+        told = list(track.terms)
     elif len(contract.rewards) == 1:  # the reward is that term
         name = next(iter(contract.rewards))
-        told = [{a: {name: value} for a, value in paid.items()} for paid in film.rewards]
+        told = [{a: {name: value} for a, value in paid.items()} for paid in track.rewards]
     else:
-        return [{} for _ in film.rewards]
+        return [{} for _ in track.rewards]
     return [
         {
             agent: kept
@@ -232,7 +236,7 @@ def payments(
 
 def _causers(
     runner: ReplacementRunner,
-    paper: EpisodeActions,
+    script: EpisodeActions,
     base: ActionTrack,
     what: tuple[str, str, int],
     cost: float,
@@ -257,10 +261,10 @@ def _causers(
         at, is_noop = last[name]
         if is_noop or at < first:
             return False
-        film = runner.from_paper(paper, Swap(name, at, "noop"), turns=turn + 1)
-        if len(film.rewards) <= turn:
+        track = runner.from_script(script, Swap(name, at, "noop"), turns=turn + 1)
+        if len(track.rewards) <= turn:
             return True
-        paid = payments(film, runner.contract, has_terms=base.has_terms)[turn]
+        paid = payments(track, runner.contract, has_terms=base.has_terms)[turn]
         now = paid.get(payer, {}).get(term, 0.0)
         return now > cost + 1e-12
 
@@ -315,7 +319,7 @@ class ContributionData:
 
 def gather(
     task: ReplacementTask,
-    papers: Sequence[EpisodeActions],
+    scripts: Sequence[EpisodeActions],
     *,
     closed: int,
     fresh: int,
@@ -326,10 +330,10 @@ def gather(
     notes: Path | None = None,
     head: Mapping[str, Any] | None = None,
 ) -> ContributionData:
-    """Plays fresh episodes with every coalition, and looks into papers action by action.
+    """Plays fresh episodes with every coalition, and looks into scripts action by action.
 
     Args:
-        papers: episodes of the run.
+        scripts: episodes of the run.
         closed: fresh episodes in which coalitions play.
         fresh: of these, those that are looked into action by action as well.
         workers: processes that play; 0: this one does; or an executor that plays.
@@ -343,7 +347,7 @@ def gather(
         KeyboardInterrupt: by Ctrl-C; its notes say what was kept.
     """
     wanted = {("closed", number) for number in range(closed)}
-    wanted |= {("recorded", paper.number) for paper in papers}
+    wanted |= {("recorded", script.number) for script in scripts}
     wanted |= {("fresh", number) for number in range(fresh)}
     found, lock = ContributionData(), Lock()
     if notes is not None:
@@ -359,7 +363,7 @@ def gather(
         if on_message is not None:
             on_message({"episode": done, "episodes": len(wanted)})
 
-    units = _in_turn(papers, closed, fresh)
+    units = _in_turn(scripts, closed, fresh)
     with noted_if_interrupted(lambda: _kept(found, len(wanted), notes)):
         for share in _rounds(units, found, budget):
             left = [unit for unit in share if unit[:2] not in known]
@@ -377,12 +381,12 @@ WorkUnit: TypeAlias = tuple[str, int, Any]
 """Kind and number of an episode, and the recorded actions of one that is played again."""
 
 
-def _in_turn(papers: Sequence[EpisodeActions], closed: int, fresh: int) -> list[WorkUnit]:
+def _in_turn(scripts: Sequence[EpisodeActions], closed: int, fresh: int) -> list[WorkUnit]:
     """Units of work: those of each kind in order, the kinds in proportion to their numbers."""
     kinds: list[list[WorkUnit]] = [
         [("closed", number, None) for number in range(closed)],
         [
-            *(("recorded", paper.number, paper) for paper in papers),
+            *(("recorded", script.number, script) for script in scripts),
             *(("fresh", number, None) for number in range(fresh)),
         ],
     ]
@@ -441,7 +445,7 @@ def _kept(found: ContributionData, count: int, notes: Path | None) -> list[str]:
 
 
 def played_unit(
-    runner: ReplacementRunner, kind: str, number: int, paper: EpisodeActions | None
+    runner: ReplacementRunner, kind: str, number: int, script: EpisodeActions | None
 ) -> dict[str, Any]:
     """Plays a unit of work; what comes of it depends on nothing but the episode."""
     before = runner.steps
@@ -453,17 +457,17 @@ def played_unit(
             [mask, runner.closed(number, members(mask, players)).team_return()] for mask in masks
         ]
     else:
-        value = _looked_into(runner, paper or runner.fresh(number))
+        value = _looked_into(runner, script or runner.fresh(number))
     return {"kind": kind, "number": number, "value": value, "steps": runner.steps - before}
 
 
-def _looked_into(runner: ReplacementRunner, paper: EpisodeActions) -> dict[str, list[Any]]:
+def _looked_into(runner: ReplacementRunner, script: EpisodeActions) -> dict[str, list[Any]]:
     """Effects of single actions in an episode, and the messages that were said and heard in it."""
-    at, seed = {"run": paper.run, "number": paper.number}, runner.task.seed
-    heard = listened(runner, paper, seed=seed) if paper.run == "fresh" else ()
+    at, seed = {"run": script.run, "number": script.number}, runner.task.seed
+    heard = listened(runner, script, seed=seed) if script.run == "fresh" else ()
     return {
-        "scans": [scan(runner, paper, seed=seed)],
-        "said": [{**at, **each} for each in said(runner, paper)],
+        "scans": [scan(runner, script, seed=seed)],
+        "said": [{**at, **each} for each in said(runner, script)],
         "listened": [{**at, **each} for each in heard],
     }
 
@@ -483,8 +487,8 @@ def _apart(
     """Workers play an episode at a time, those first that take longest: all coalitions of one."""
     plain = task.to_json()
     shares = (
-        {"task": plain, "kind": kind, "number": n, "paper": paper and paper_to_json(paper)}
-        for kind, n, paper in sorted(units, key=lambda unit: KINDS.index(unit[0]))
+        {"task": plain, "kind": kind, "number": n, "script": script and script_to_json(script)}
+        for kind, n, script in sorted(units, key=lambda unit: KINDS.index(unit[0]))
     )
     play_shares(
         TASK,
@@ -503,13 +507,13 @@ def share_task(
     task: Mapping[str, Any],
     kind: str,
     number: int,
-    paper: Mapping[str, Any] | None,
+    script: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """Plays a unit of work in this process; returns what came of it."""
 
     def make() -> ReplacementRunner:
         return ReplacementRunner(ReplacementTask.from_json(task), on_step=report)
 
-    actions = None if paper is None else paper_from_json(paper)
+    actions = None if script is None else script_from_json(script)
     with kept_open(json.dumps(task, sort_keys=True), make) as runner:
         return played_unit(runner, kind, number, actions)

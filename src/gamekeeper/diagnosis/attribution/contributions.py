@@ -1,7 +1,5 @@
 """The front of attribution: a recorded run in, every agent's part out."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -35,14 +33,13 @@ from gamekeeper.diagnosis.attribution.agent_measures import (
 )
 from gamekeeper.diagnosis.attribution.attribution_work import SILENCE_S, ContributionData, gather
 from gamekeeper.diagnosis.attribution.message_influence import talk
-from gamekeeper.diagnosis.attribution.recorded_actions import EpisodeActions
 from gamekeeper.diagnosis.attribution.replacement_runs import (
     Baseline,
     ReplacementRunner,
     ReplacementTask,
 )
 from gamekeeper.diagnosis.experiment import fresh_seed
-from gamekeeper.diagnosis.played_setup import (
+from gamekeeper.diagnosis.open_setup import (
     Setup,
     check_last,
     consent_to,
@@ -123,8 +120,8 @@ def attribute(
     declared = contract_of(evidence, contract)
     evidence = replace(evidence, manifest={**evidence.manifest, "contract": declared.to_json()})
     setup = _setup(evidence, env=env, policies=policies)
-    traces = [t for t in evidence.episodes if t.header.get("end") in CAN_BE_PLAYED]
-    there = _players(traces, evidence)
+    run_episodes = [t for t in evidence.episodes if t.header.get("end") in CAN_BE_PLAYED]
+    there = _players(run_episodes, evidence)
     players = _asked(there, seed)
     rivals = opponents_in(evidence.agent_steps, there)
     closed = (FRESH if episodes is None else episodes) if setup.policies and not rivals else 0
@@ -144,9 +141,7 @@ def attribute(
         with ReplacementRunner(task) as runner:
             if closed and env is None:
                 check_last(evidence, runner.opened)
-            recorded: list[EpisodeActions] = [
-                runner.paper_of(trace) for trace in traces[:action_episodes]
-            ]
+            recorded = list(map(runner.script_of, run_episodes[:action_episodes]))
             roles = {name: runner.role_of(name) for name in players}
             head = {"run": evidence.fingerprint, **runner.identity}
         fresh = min(max(action_episodes - len(recorded), 0), closed)
@@ -175,11 +170,11 @@ def _setup(evidence: Evidence, **given: Any) -> Setup:
     return replace(setup_of(evidence, **{**given, "policies": {"*": "random"}}), policies={})
 
 
-def _players(traces: Sequence[Episode], evidence: Evidence) -> tuple[str, ...]:
+def _players(episodes: Sequence[Episode], evidence: Evidence) -> tuple[str, ...]:
     """Those who are there from the start of an episode and decide something."""
     there: set[str] = set()
-    for trace in traces:
-        first = next(iter(trace.turns), None)
+    for episode in episodes:
+        first = next(iter(episode.turns), None)
         there |= set() if first is None else first.live
     acted = {name for name, of in evidence.summary.agents.items() if of.length_mean > 0}
     return tuple(n for n in evidence.summary.agents if n in there and n in acted)

@@ -1,7 +1,5 @@
 """Messages between agents: what is said, and what those that hear it do otherwise."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -38,7 +36,7 @@ STRANGE: Final = 1_000_003
 
 @dataclass(slots=True)
 class Hearing(ActionTrack):
-    """A film that keeps what was given as it was, and may show an agent another message.
+    """A track that keeps what was given as it was, and may show an agent another message.
 
     Attributes:
         seen: what was given, by turn and agent.
@@ -92,29 +90,29 @@ def spoken_fields(contract: Contract, env: Any, agent: Any) -> tuple[MessageFiel
 # -- what was said
 
 
-def said(runner: ReplacementRunner, paper: EpisodeActions) -> Iterator[dict[str, Any]]:
+def said(runner: ReplacementRunner, script: EpisodeActions) -> Iterator[dict[str, Any]]:
     """By speaker: its messages, the numbers it saw, and what others did at their next turn."""
     speakers = [
         agent
         for agent in getattr(runner.env, "possible_agents", ())
-        if agent_name(agent) in paper.actions and spoken_fields(runner.contract, runner.env, agent)
+        if agent_name(agent) in script.actions and spoken_fields(runner.contract, runner.env, agent)
     ]
     if not speakers:
         return
-    film = runner.watched(Hearing(runner.env, runner.contract, paper=paper), paper)
+    track = runner.watched(Hearing(runner.env, runner.contract, script=script), script)
     deeds: dict[str, list[tuple[int, str]]] = {}
     counts: dict[str, int] = {}
-    for turn, name, _ in film.moves:
+    for turn, name, _ in track.moves:
         place = counts.get(name, 0)
         counts[name] = place + 1
-        deeds.setdefault(name, []).append((turn, word(film.actions[name][place])))
+        deeds.setdefault(name, []).append((turn, word(track.actions[name][place])))
     for agent in speakers:
         name, fields = agent_name(agent), spoken_fields(runner.contract, runner.env, agent)
         turns = [turn for turn, _ in deeds.get(name, ())]
         yield {
             "from": name,
-            "messages": [message(action, fields) for action in film.actions.get(name, ())],
-            "seen": [numbers(film.seen[turn, name]) for turn in turns],
+            "messages": [message(action, fields) for action in track.actions.get(name, ())],
+            "seen": [numbers(track.seen[turn, name]) for turn in turns],
             "next": {
                 other: [_after(theirs, turn) for turn in turns]
                 for other, theirs in deeds.items()
@@ -172,7 +170,7 @@ def _flat(value: Any) -> NDArray[np.float64]:
 
 
 def listened(
-    runner: ReplacementRunner, paper: EpisodeActions, *, seed: int
+    runner: ReplacementRunner, script: EpisodeActions, *, seed: int
 ) -> Iterator[dict[str, Any]]:
     """Looks at whether a listener, shown another message at one decision, decides otherwise.
 
@@ -182,24 +180,29 @@ def listened(
     listeners = [
         (agent_name(agent), parts)
         for agent in getattr(runner.env, "possible_agents", ())
-        if agent_name(agent) in paper.actions
+        if agent_name(agent) in script.actions
         and (parts := heard_parts(runner.contract, runner.env, agent))
     ]
-    if not listeners or runner.cast is None:
+    if not listeners or runner.joint_policy is None:
         return
-    rng = np.random.default_rng([seed, paper.number, 3])
+    rng = np.random.default_rng([seed, script.number, 3])
     base, strange = (
-        runner.reacting(Hearing(runner.env, runner.contract, cast=runner.cast), number)
-        for number in (paper.number, paper.number + STRANGE)
+        runner.reacting(
+            Hearing(runner.env, runner.contract, joint_policy=runner.joint_policy), number
+        )
+        for number in (script.number, script.number + STRANGE)
     )
     for name, parts in listeners:
         for turn, other in _pairs(base, strange, name, parts, rng):
             told, same = (
                 runner.reacting(
                     Hearing(
-                        runner.env, runner.contract, cast=runner.cast, told=(turn, name, parts, x)
+                        runner.env,
+                        runner.contract,
+                        joint_policy=runner.joint_policy,
+                        told=(turn, name, parts, x),
                     ),
-                    paper.number,
+                    script.number,
                     turns=turn + 1,
                 )
                 for x in (other, base.seen[turn, name])
@@ -228,10 +231,10 @@ def _pairs(
                 break
 
 
-def _decision(film: Hearing, name: str, turn: int) -> Any:
+def _decision(track: Hearing, name: str, turn: int) -> Any:
     """Decision of an agent at a turn."""
-    turns = [at for at, agent, _ in film.moves if agent == name]
-    return fingerprint(film.actions[name][turns.index(turn)]) if turn in turns else None
+    turns = [at for at, agent, _ in track.moves if agent == name]
+    return fingerprint(track.actions[name][turns.index(turn)]) if turn in turns else None
 
 
 ROUNDS: Final = 199

@@ -1,7 +1,8 @@
 """One play watched closely: what was given, done and paid at each turn, by agent.
 
-A film plays from paper where it has one: every agent does what it did at its own k-th decision, and
-one of them may do otherwise. Where such an action isn't legal now, or the paper has no more of
+A track plays from a script where it has one: every agent does what it did at its own k-th decision,
+    and
+one of them may do otherwise. Where such an action isn't legal now, or the script has no more of
 them, the agent does its declared noop if that is legal, else the first legal action.
 """
 
@@ -109,7 +110,7 @@ class Swap:
 
 @dataclass(slots=True)
 class ActionTrack:
-    """A cast and a watch in one. What it has seen is in its fields.
+    """A joint policy and a watch in one. What it has seen is in its fields.
 
     Attributes:
         sees: also keeps what was given.
@@ -121,14 +122,14 @@ class ActionTrack:
         terms: the same by reward term; empty where the environment doesn't tell terms.
         info_terms: declared terms in infos, where the environment tells terms nowhere else.
         ended: the agents that had ended, after each step.
-        left_paper: decisions that had to follow the rule for illegal or missing actions.
+        left_script: decisions that had to follow the rule for illegal or missing actions.
         swapped: decisions that were made otherwise.
     """
 
     env: Any
     contract: Contract
-    cast: ActionChooser | None = None
-    paper: EpisodeActions | None = None
+    joint_policy: ActionChooser | None = None
+    script: EpisodeActions | None = None
     swap: Swap | None = None
     rng: Generator | None = None
     sees: bool = False
@@ -140,23 +141,23 @@ class ActionTrack:
     terms: list[dict[str, dict[str, float]]] = field(default_factory=list)
     info_terms: InfoTerms | None = None
     ended: list[frozenset[str]] = field(default_factory=list)
-    left_paper: int = 0
+    left_script: int = 0
     swapped: int = 0
     turn: int = 0
     _choosers: dict[str, Chooser] = field(default_factory=dict)
     _gone: frozenset[str] = frozenset()
 
-    # -- the cast
+    # -- the joint policy
 
     def begin(self, run_seed: int, episode: int) -> None:
         """Seeds the policies."""
-        if self.cast is not None:
-            self.cast.begin(run_seed, episode)
+        if self.joint_policy is not None:
+            self.joint_policy.begin(run_seed, episode)
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """Action of an agent: the recorded one, its policy's, or another."""
-        if self.counts and self.cast is not None:
-            return self.cast.act(agent, observation, info)
+        if self.counts and self.joint_policy is not None:
+            return self.joint_policy.act(agent, observation, info)
         name = agent_name(agent)
         mine = self.actions.setdefault(name, [])
         if self.sees:
@@ -173,13 +174,13 @@ class ActionTrack:
         return action
 
     def _own_action(self, chooser: Chooser, agent: Any, seen: Any, info: Any, count: int) -> Any:
-        if self.paper is None:
-            assert self.cast is not None, "a film needs a cast or a paper"
-            return self.cast.act(agent, seen, info)
-        written = self.paper.actions.get(agent_name(agent), ())
+        if self.script is None:
+            assert self.joint_policy is not None, "a track needs a joint policy or a script"
+            return self.joint_policy.act(agent, seen, info)
+        written = self.script.actions.get(agent_name(agent), ())
         if count < len(written) and chooser.is_legal(written[count], seen, info):
-            return own_action(written[count])  # whoever overwrites it spoils no later film
-        self.left_paper += 1
+            return own_action(written[count])  # whoever overwrites it spoils no later track
+        self.left_script += 1
         return chooser.nothing(seen, info)
 
     def _otherwise(self, chooser: Chooser, action: Any, seen: Any, info: Any) -> Any:

@@ -10,8 +10,8 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, EpisodeActions, Swap
+from gamekeeper.diagnosis.open_setup import OpenSetup, Setup
 from gamekeeper.diagnosis.plain_data import frozen, plain
-from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
@@ -22,11 +22,11 @@ from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan
 from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.reruns import play_of
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 
 
 class Sides:
-    """A cast of two: members of a coalition play their own policies, other players the baseline.
+    """A joint policy of two: members of a coalition play their own, others the baseline.
 
     `others` are no players though they are there from the start: they play their policies.
 
@@ -79,7 +79,7 @@ class Sides:
 
 
 Baseline: TypeAlias = Literal["noop", "random", "reference"]
-SomeFilm = TypeVar("SomeFilm", bound=ActionTrack)
+SomeTrack = TypeVar("SomeTrack", bound=ActionTrack)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ class ReplacementTask:
 
 
 class ReplacementRunner(OpenSetup):
-    """An open set-up with a second cast, the baseline; without policies it has none of its own."""
+    """An open set-up with a second joint policy, the baseline; without policies it has none."""
 
     def __init__(self, task: ReplacementTask, *, on_step: Callable[[], None] | None = None) -> None:
         """Opens the environment and finds the policies.
@@ -159,78 +159,86 @@ class ReplacementRunner(OpenSetup):
     def closed(self, number: int, members: Collection[str]) -> ActionTrack:
         """A fresh episode in which `members` play their policies and the others the baseline."""
         task = self.task
-        cast: ActionChooser = self.cast
+        joint_policy: ActionChooser = self.joint_policy
         if len(members) < len(task.players):
-            cast = Sides(
-                cast, self.baseline, members, task.players, task.others, self.role_of, self.env
+            joint_policy = Sides(
+                joint_policy,
+                self.baseline,
+                members,
+                task.players,
+                task.others,
+                self.role_of,
+                self.env,
             )
-        film = ActionTrack(self.env, self.contract, cast=cast, counts=True)
-        return self._filmed(film, self._fresh(number))
+        track = ActionTrack(self.env, self.contract, joint_policy=joint_policy, counts=True)
+        return self._tracked(track, self._fresh(number))
 
     def fresh(self, number: int) -> EpisodeActions:
         """Actions of all agents in a fresh episode."""
         play = self._fresh(number)
-        film = self._filmed(ActionTrack(self.env, self.contract, cast=self.cast), play)
-        turns = len(film.rewards)
-        return EpisodeActions(play.seed, play.options, turns, film.actions, number, "fresh")
+        track = self._tracked(
+            ActionTrack(self.env, self.contract, joint_policy=self.joint_policy), play
+        )
+        turns = len(track.rewards)
+        return EpisodeActions(play.seed, play.options, turns, track.actions, number, "fresh")
 
-    def from_paper(
+    def from_script(
         self,
-        paper: EpisodeActions,
+        script: EpisodeActions,
         swap: Swap | None = None,
         *,
         turns: int | None = None,
         rng: Any = None,
         sees: bool = False,
     ) -> ActionTrack:
-        """A paper played again, with one agent doing otherwise.
+        """A script played again, with one agent doing otherwise.
 
         Args:
-            turns: it is cut there; otherwise where the paper ends.
+            turns: it is cut there; otherwise where the script ends.
             rng: draws other actions.
             sees: also keep what was given.
         """
-        film = ActionTrack(self.env, self.contract, paper=paper, swap=swap, rng=rng, sees=sees)
-        return self.watched(film, paper, turns=turns)
+        track = ActionTrack(self.env, self.contract, script=script, swap=swap, rng=rng, sees=sees)
+        return self.watched(track, script, turns=turns)
 
     def watched(
-        self, film: SomeFilm, paper: EpisodeActions, *, turns: int | None = None
-    ) -> SomeFilm:
-        """A paper played again, for a film that knows what it looks for."""
-        most = paper.turns if turns is None else min(turns, paper.turns)
+        self, track: SomeTrack, script: EpisodeActions, *, turns: int | None = None
+    ) -> SomeTrack:
+        """A script played again, for a track that knows what it looks for."""
+        most = script.turns if turns is None else min(turns, script.turns)
         play = EpisodePlan(
-            seed=paper.seed,
-            stream=paper.number,
+            seed=script.seed,
+            stream=script.number,
             most_turns=max(most, 1),
-            options=paper.options,
+            options=script.options,
             looks_last=False,
         )
-        return self._filmed(film, play)
+        return self._tracked(track, play)
 
-    def reacting(self, film: SomeFilm, number: int, *, turns: int | None = None) -> SomeFilm:
-        """A fresh episode in which policies choose, for a film that knows what it looks for."""
+    def reacting(self, track: SomeTrack, number: int, *, turns: int | None = None) -> SomeTrack:
+        """A fresh episode in which policies choose, for a track that knows what it looks for."""
         play = self._fresh(number)
         most = play.most_turns if turns is None else min(turns, play.most_turns)
-        return self._filmed(film, replace(play, most_turns=most))
+        return self._tracked(track, replace(play, most_turns=most))
 
-    def paper_of(self, trace: Episode) -> EpisodeActions:
+    def script_of(self, episode: Episode) -> EpisodeActions:
         """Actions of a recorded episode."""
-        play = play_of(trace, self.env)
+        play = play_of(episode, self.env)
         actions: dict[str, list[Any]] = {}
         for turn in play.actions or ():
             for agent, action in turn.items():
                 if action is not None:
                     actions.setdefault(agent_name(agent), []).append(action)
         return EpisodeActions(
-            play.seed, play.options, len(play.actions or ()), actions, trace.episode
+            play.seed, play.options, len(play.actions or ()), actions, episode.episode
         )
 
-    def _filmed(self, film: SomeFilm, play: EpisodePlan) -> SomeFilm:
-        course = EpisodeLoop(
-            play, capture_of(self.env), film, Hooks(), film, self._count, self.contract
+    def _tracked(self, track: SomeTrack, play: EpisodePlan) -> SomeTrack:
+        loop = EpisodeLoop(
+            play, capture_of(self.env), track, Hooks(), track, self._count, self.contract
         )
-        film.begin(self.task.run_seed, play.stream)
-        failed = course.run()
+        track.begin(self.task.run_seed, play.stream)
+        failed = loop.run()
         if failed is not None:
             raise EnvError(
                 "a play broke off",
@@ -238,7 +246,7 @@ class ReplacementRunner(OpenSetup):
                 actual=f"{failed.kind}: {failed.text}",
                 fix="replay the episode with this seed; the environment raised there",
             )
-        return film
+        return track
 
     def _count(self) -> None:
         self.steps += 1
@@ -255,7 +263,7 @@ class ReplacementRunner(OpenSetup):
             PolicyError: the environment has no such policy.
         """
         try:
-            return cast_of(self._baseline(), self.env, self.contract)
+            return joint_policy_of(self._baseline(), self.env, self.contract)
         except PolicyError as error:
             raise PolicyError(
                 error.what,
@@ -276,14 +284,19 @@ class ReplacementRunner(OpenSetup):
         return found
 
 
-def paper_to_json(paper: EpisodeActions) -> dict[str, Any]:
-    """A paper as plain data, its actions in their very types."""
-    given = [paper.seed, paper.options, paper.turns, {a: list(x) for a, x in paper.actions.items()}]
-    return {"given": to_json(given), "number": paper.number, "run": paper.run}
+def script_to_json(script: EpisodeActions) -> dict[str, Any]:
+    """A script as plain data, its actions in their very types."""
+    given = [
+        script.seed,
+        script.options,
+        script.turns,
+        {a: list(x) for a, x in script.actions.items()},
+    ]
+    return {"given": to_json(given), "number": script.number, "run": script.run}
 
 
-def paper_from_json(data: Mapping[str, Any]) -> EpisodeActions:
-    """Inverse of `paper_to_json`."""
+def script_from_json(data: Mapping[str, Any]) -> EpisodeActions:
+    """Inverse of `script_to_json`."""
     given: Any = from_json(data["given"])
     seed, options, turns, actions = given
     return EpisodeActions(seed, options, turns, actions, data["number"], data["run"])

@@ -1,11 +1,9 @@
 """An environment object: `gk.rollout(env)`. There is only this one instance."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gamekeeper.interface.env_source import Source, api_of
-from gamekeeper.interface.found_again import LostError, facts_of
+from gamekeeper.interface.object_source import LostError, facts_of
 
 SYNTAX: Final = "an environment object"
 ORDER: Final = 0

@@ -1,12 +1,10 @@
 """A callable that builds the environment: a function, a class, a partial."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Final
 
 from gamekeeper.interface.env_source import Source, api_of
-from gamekeeper.interface.found_again import LostError, place_of
+from gamekeeper.interface.object_source import LostError, place_of
 
 SYNTAX: Final = "a factory callable"
 ORDER: Final = 10

@@ -1,7 +1,5 @@
 """`path/to/file.py:factory`: a Python file that no package holds."""
 
-from __future__ import annotations
-
 import functools
 from os import PathLike, fspath
 from pathlib import Path

@@ -1,11 +1,9 @@
 """`module:factory`: an importable module, installed or in the current folder."""
 
-from __future__ import annotations
-
 from types import ModuleType
 from typing import Final
 
-from gamekeeper.interface import named
+from gamekeeper.interface import foreign_openers
 from gamekeeper.interface.construction import find_factory
 from gamekeeper.interface.distributions import distrust_module
 from gamekeeper.interface.env_source import NotHereError, Source
@@ -21,7 +19,9 @@ def matches(spec: object) -> bool:
     if not isinstance(spec, str):
         return False
     module, colon, name = spec.partition(":")
-    if colon and module in named.words():  # `jaxmarl:` and the like say whose environment it is
+    if (
+        colon and module in foreign_openers.words()
+    ):  # `jaxmarl:` and the like say whose environment it is
         return False
     parts = module.split(".") + (name.split(".") if colon else [])
     return all(part.isidentifier() for part in parts) and not module.endswith(".py")

@@ -1,7 +1,5 @@
 """`butterfly/pistonball-v6`: what `pettingzoo.make` knows."""
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

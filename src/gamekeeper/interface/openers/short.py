@@ -1,7 +1,5 @@
 """`warehouse`: one of our own environments, in its newest version unless one is named."""
 
-from __future__ import annotations
-
 import re
 from typing import Final
 

@@ -1,7 +1,5 @@
 """`first-legal`: always the first choice that the mask allows; a player without chance."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """`noop`: always the action that the contract declares to do nothing."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """`random`: each legal action with the same probability; the baseline of every comparison."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Wrappers of what agents do: clipped, repeated, of one size, and their masks' place."""
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Mapping
 from typing import Any, Final
@@ -15,7 +13,7 @@ from gamekeeper.interface.action_mask import for_sample, reader
 from gamekeeper.interface.author_calls import AgentId
 from gamekeeper.interface.wrappers.observation_wrappers import MASK, VIEW
 from gamekeeper.interface.wrappers.transform import Transform, possible, unfit
-from gamekeeper.interface.wrappers.wrapped import wrapped
+from gamekeeper.interface.wrappers.wrapped_env import wrapped
 from gamekeeper.randomness.stream import Stream
 
 LANE: Final = 0x57C4

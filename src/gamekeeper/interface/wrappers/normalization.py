@@ -20,7 +20,7 @@ from gamekeeper.episodes.layout import agent_name, role
 from gamekeeper.errors import PolicyError
 from gamekeeper.interface.author_calls import AgentId
 from gamekeeper.interface.wrappers.transform import Transform, unfit
-from gamekeeper.interface.wrappers.wrapped import wrapped
+from gamekeeper.interface.wrappers.wrapped_env import wrapped
 
 PRIOR: Final = 1e-4
 """Count of the mean 0 and the variance 1 with which statistics begin, as in Gymnasium."""

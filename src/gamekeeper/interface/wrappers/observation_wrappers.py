@@ -1,7 +1,5 @@
 """Wrappers of what agents are shown: their own number, several frames, one vector."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping
 from operator import attrgetter
@@ -14,7 +12,7 @@ from gymnasium.spaces import Space, flatten, flatten_space
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.author_calls import AgentId
 from gamekeeper.interface.wrappers.transform import Transform, possible, unfit
-from gamekeeper.interface.wrappers.wrapped import wrapped
+from gamekeeper.interface.wrappers.wrapped_env import wrapped
 
 MASK: Final = "action_mask"
 VIEW: Final = "observation"

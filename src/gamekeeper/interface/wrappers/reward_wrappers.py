@@ -1,7 +1,5 @@
 """Wrappers of what agents are paid: clipped, or terms and objectives weighed into one number."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,7 +8,7 @@ import numpy as np
 from gamekeeper.errors import ContractError, SpecError
 from gamekeeper.interface.author_calls import AgentId
 from gamekeeper.interface.wrappers.transform import Transform
-from gamekeeper.interface.wrappers.wrapped import wrapped
+from gamekeeper.interface.wrappers.wrapped_env import wrapped
 
 
 def clip_rewards(env: Any, low: float = -1.0, high: float = 1.0) -> Any:

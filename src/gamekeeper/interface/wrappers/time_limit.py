@@ -1,7 +1,5 @@
 """A time limit around an environment: all that still live are truncated, nobody is terminated."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 from pettingzoo import AECEnv, ParallelEnv

@@ -3,8 +3,6 @@
 A transform is written once; `wrapped` puts it around a ParallelEnv or an AECEnv.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

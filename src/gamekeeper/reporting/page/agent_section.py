@@ -1,7 +1,5 @@
 """Section of the agents: each one's returns, lengths and endings; the team stands last."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

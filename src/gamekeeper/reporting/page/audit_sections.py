@@ -1,7 +1,5 @@
 """Sections of an audit: verdicts by severity, and the game form, declared beside measured."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -381,8 +379,8 @@ def _order(evidence: Evidence, figures: Figures) -> str | None:
     """`fixed` if the rounds of the first episodes all have one order of agents, else `varies`."""
     orders: set[tuple[str, ...]] = set()
     for header in figures.headers[:FIRST_EPISODES]:
-        trace = evidence.episode_of(header)
-        steps = trace.steps.filter(pc.is_valid(trace.steps["order"]))
+        episode = evidence.episode_of(header)
+        steps = episode.steps.filter(pc.is_valid(episode.steps["order"]))
         for group in _rounds(steps["agent"].to_pylist()):
             orders.add(tuple(group))
     whole = max(map(len, orders), default=0)

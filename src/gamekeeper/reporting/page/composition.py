@@ -1,7 +1,5 @@
 """Runs and documents as one page: its sections, its runs, and pairs of episodes to compare."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -278,9 +276,9 @@ def pairs_of(one: ShownRun, two: ShownRun, *, text: str, most: int) -> list[Pair
     found = []
     for _, _, header in sorted(alike, key=lambda each: each[:2])[:most]:
         number = header["episode"]
-        traces = one.evidence.episode_of(header), two.evidence.episode_of(others[number])
+        episodes = one.evidence.episode_of(header), two.evidence.episode_of(others[number])
         volatile = one.evidence.contract.volatile_infos()
-        divergence = compare(*traces, volatile=volatile).divergence
+        divergence = compare(*episodes, volatile=volatile).divergence
         about = f"{text}, episode {number}: {_where(divergence)}"
         found.append(Pair((one.key, number), (two.key, number), about, divergence))
     return found

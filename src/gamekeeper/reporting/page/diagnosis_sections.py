@@ -1,7 +1,5 @@
 """Section of causes: a diagnosis, effects against the unchanged rerun; and an attribution."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 

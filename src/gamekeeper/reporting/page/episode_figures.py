@@ -1,7 +1,5 @@
 """Figures of every episode and agent of a run, summed by columns."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -46,7 +44,7 @@ class Figures:
         terms: by reward term of the environment, [episodes, agents].
         terminated: [episodes, agents] True if it was terminated.
         truncated: [episodes, agents] True if it was truncated.
-        course: [episodes, SPARK] sum of all agents' rewards up to the end of each part of it.
+        cumulative: [episodes, SPARK] sum of all agents' rewards up to the end of each part of it.
         actions: [episodes, ACTIONS] number of all agents' actions 0, 1, 2, ...; zeros of actions
             that aren't whole numbers.
     """
@@ -59,7 +57,7 @@ class Figures:
     terms: Mapping[str, FloatArray]
     terminated: BoolArray
     truncated: BoolArray
-    course: FloatArray
+    cumulative: FloatArray
     actions: FloatArray = field(default_factory=lambda: np.zeros((0, ACTIONS)))
     _places: Mapping[int, int] = field(default_factory=dict)
 
@@ -79,7 +77,7 @@ def figures_of(evidence: Evidence) -> Figures:
     headers = tuple(evidence.episode_table.to_pylist())
     sums = _Sums([header["episode"] for header in headers])
     turns = np.array([header.get("turns") or 0 for header in headers], np.int64)
-    course, actions = np.zeros((len(headers), SPARK)), np.zeros((len(headers), ACTIONS))
+    cumulative, actions = np.zeros((len(headers), SPARK)), np.zeros((len(headers), ACTIONS))
     unread = tuple(kind for kind in APART if kind != "action")
     for steps in evidence.tables.all_parts("agent_steps", without=unread) or ():
         if steps.num_rows:
@@ -87,7 +85,7 @@ def figures_of(evidence: Evidence) -> Figures:
             part = np.minimum(
                 steps["turn"].to_numpy() * SPARK // np.maximum(turns[row], 1), SPARK - 1
             )
-            np.add.at(course, (row, part), pc.fill_null(steps["reward"], 0.0).to_numpy())
+            np.add.at(cumulative, (row, part), pc.fill_null(steps["reward"], 0.0).to_numpy())
             _count(actions, row, steps)
     listed = map(str, evidence.manifest.get("agents") or ())
     agents = [name for name in listed if name in sums.names]
@@ -101,7 +99,7 @@ def figures_of(evidence: Evidence) -> Figures:
         terms={name[len(TERM) :]: sums.of(name, agents) for name in sums.terms},
         terminated=sums.of("terminated", agents) > 0,
         truncated=sums.of("truncated", agents) > 0,
-        course=np.cumsum(course, axis=1),
+        cumulative=np.cumsum(cumulative, axis=1),
         actions=actions,
         _places={header["episode"]: place for place, header in enumerate(headers)},
     )

@@ -1,7 +1,5 @@
 """Entries of all episodes for the page's list, and single episodes packed with their marks."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
@@ -93,9 +91,9 @@ def sparks_of(figures: Figures) -> list[str]:
 
     The sum of all agents' rewards so far, on one scale for the run; empty where one isn't finite.
     """
-    course = figures.course
-    is_known: NDArray[np.bool_] = np.atleast_1d(np.isfinite(course).all(axis=1))
-    known = course[is_known]
+    cumulative = figures.cumulative
+    is_known: NDArray[np.bool_] = np.atleast_1d(np.isfinite(cumulative).all(axis=1))
+    known = cumulative[is_known]
     low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
     parts = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1)).astype(np.int64)
     rows: list[list[int]] = parts.tolist()
@@ -170,7 +168,7 @@ def packed_of(
     Raises:
         EvidenceError: there is no such episode.
     """
-    trace = evidence.episode(episode)
+    recorded = evidence.episode(episode)
     roster = roster or packed_agents(evidence)
     names = [member.name for member in roster]
     environment = evidence.manifest.get("environment") or {}
@@ -182,16 +180,16 @@ def packed_of(
     lost = pivots_of(pivots, episode)
     branch = branch_of(evidence)
     marks = [*marks, *(() if lost is None else pivot_marks(lost)), *branch]
-    failure = _failure_marks(evidence, trace, has_failed, condition)
-    every = [*marks, *_label_marks(trace, labels), *failure]
+    failure = _failure_marks(evidence, recorded, has_failed, condition)
+    every = [*marks, *_label_marks(recorded, labels), *failure]
     packed = packed_episode(
-        trace,
+        recorded,
         roster,
         run=run,
         api=str(environment.get("api") or "parallel"),
         marks=every,
         volatile=evidence.contract.volatile_infos(),
-        drawing=lambda infos: drawn(trace, names, frames=frames, infos=infos, declared=declared),
+        drawing=lambda infos: drawn(recorded, names, frames=frames, infos=infos, declared=declared),
     )
     if branch:
         packed["change"] = branch[0].text
@@ -211,31 +209,35 @@ def branch_of(evidence: Evidence) -> list[Mark]:
     return [Mark(turn, "change", text[:200], agent)]
 
 
-def _label_marks(trace: Episode, labels: Iterable[Label]) -> Iterable[Mark]:
+def _label_marks(episode: Episode, labels: Iterable[Label]) -> Iterable[Mark]:
     for each in labels:
-        if each["episode"] == trace.episode:
+        if each["episode"] == episode.episode:
             why = f": {each['why']}" if each.get("why") else ""
             yield Mark(int(each["turn"] or 0), "label", f"{each['label']}{why}", each["agent"])
 
 
 def _failure_marks(
-    evidence: Evidence, trace: Episode, has_failed: bool | None, condition: str | None
+    evidence: Evidence, episode: Episode, has_failed: bool | None, condition: str | None
 ) -> Iterable[Mark]:
     """Failure conditions that the episode met, at its end; an error has a mark of its own."""
-    if trace.header.get("error") or has_failed is False or trace.header.get("end") in UNFINISHED:
+    if (
+        episode.header.get("error")
+        or has_failed is False
+        or episode.header.get("end") in UNFINISHED
+    ):
         return
     try:
         conditions = failures(evidence.contract, condition)
         if has_failed and len(conditions) == 1:  # the only one: the outcome needn't be read
             answers = dict.fromkeys(conditions, True)
         else:
-            answers = failed(outcome_of(trace), conditions, evidence.contract)
+            answers = failed(outcome_of(episode), conditions, evidence.contract)
     except ContractError:  # no condition is declared, or the episode lacks a figure
         return
     for scope, is_failed in answers.items():
         if is_failed:
             text = scope_text(scope, conditions[scope]) if scope in conditions else scope
-            yield Mark(env_steps(trace), "failure", text)
+            yield Mark(env_steps(episode), "failure", text)
 
 
 BUDGET_BYTES: Final = 2_500_000

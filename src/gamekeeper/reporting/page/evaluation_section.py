@@ -1,7 +1,5 @@
 """Section of an evaluation: claims, results by environment and policy, comparisons, cross-play."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 

@@ -4,8 +4,6 @@ An agent that learns changes the game that the others play. Changes of an agent'
 own version stayed and others' changed aren't its own learning, and are shown in their own table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby

@@ -1,7 +1,5 @@
 """An episode packed as the JSON that the player on a page reads."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from base64 import b64encode
@@ -80,7 +78,7 @@ def packed_agents(evidence: Evidence) -> tuple[PackedAgent, ...]:
 
 
 def packed_episode(
-    trace: Episode,
+    episode: Episode,
     roster: Sequence[PackedAgent],
     *,
     run: str = "a",
@@ -92,7 +90,7 @@ def packed_episode(
     """One episode as the player reads it, in plain JSON.
 
     Args:
-        trace: the episode.
+        episode: the episode.
         roster: of its run; only those that have a row stand in the result.
         run: the letter of the run on the page.
         api: `aec` or `parallel`.
@@ -100,36 +98,38 @@ def packed_episode(
         volatile: info fields that aren't compared.
         drawing: drawing of the player, or the function that makes it of the rows' infos.
     """
-    present = set(pc.unique(trace.steps["agent"]).to_pylist())
+    present = set(pc.unique(episode.steps["agent"]).to_pylist())
     members = [member for member in roster if member.name in present]
     members += [
         PackedAgent(name, role_in_name(name)) for name in sorted(present - {s.name for s in roster})
     ]
     values = PackedValues()
-    rows = row_columns(trace.steps, [member.name for member in members], values)
-    endings = endings_of(trace)
+    rows = row_columns(episode.steps, [member.name for member in members], values)
+    endings = endings_of(episode)
     if callable(drawing):
         drawing = drawing([None if p is None else values.items[p] for p in rows["info"]])
-    change = trace.change
+    change = episode.change
     return {
         "run": run,
-        "episode": trace.episode,
-        "seed": trace.seed,
+        "episode": episode.episode,
+        "seed": episode.seed,
         "api": api,
-        "turns": env_steps(trace),
-        "end": trace.header.get("end") or "open",
-        "error": trace.header.get("error"),
-        "base": None if trace.base is None else {"run": trace.base, "episode": trace.episode},
+        "turns": env_steps(episode),
+        "end": episode.header.get("end") or "open",
+        "error": episode.header.get("error"),
+        "base": None if episode.base is None else {"run": episode.base, "episode": episode.episode},
         "change": None if change is None else json.dumps(dict(change), default=str),
         "agents": [asdict(member) for member in members],
         "rows": rows,
         "values": values.items,
-        "checksums": in_base64(np.array(turn_checksums(trace, volatile=volatile), "<u4").tobytes()),
+        "checksums": in_base64(
+            np.array(turn_checksums(episode, volatile=volatile), "<u4").tobytes()
+        ),
         "endings": endings,
-        "marks": [asdict(mark) for mark in _in_order(trace, endings, marks)],
+        "marks": [asdict(mark) for mark in _in_order(episode, endings, marks)],
         "drawing": drawing[0],
         "drawing_note": drawing[1],
-        "numbers": _sums(trace.steps),
+        "numbers": _sums(episode.steps),
     }
 
 
@@ -145,14 +145,14 @@ def in_base64(data: bytes) -> str:
     return b64encode(data).decode("ascii")
 
 
-def endings_of(trace: Episode) -> dict[str, dict[str, Any]]:
+def endings_of(episode: Episode) -> dict[str, dict[str, Any]]:
     """By agent, the first turn at which it was terminated or truncated, and the rules' reason."""
-    steps = trace.steps
+    steps = episode.steps
     flags = {
         name: pc.fill_null(steps[name], False).to_numpy() for name in ("terminated", "truncated")
     }
     rows = np.flatnonzero(flags["terminated"] | flags["truncated"])
-    reasons = fields_of_text(trace.header.get("endings"))
+    reasons = fields_of_text(episode.header.get("endings"))
     found: dict[str, dict[str, Any]] = {}
     for row in rows.tolist():
         agent = steps["agent"][row].as_py()
@@ -167,20 +167,20 @@ def endings_of(trace: Episode) -> dict[str, dict[str, Any]]:
 
 
 def _in_order(
-    trace: Episode, endings: Mapping[str, Mapping[str, Any]], marks: Iterable[Mark]
+    episode: Episode, endings: Mapping[str, Mapping[str, Any]], marks: Iterable[Mark]
 ) -> list[Mark]:
     found = [*marks, *_ending_marks(endings)]
-    if trace.header.get("error"):
-        found.append(Mark(_stopped_at(trace), "error", str(trace.header["error"])))
-    elif trace.header.get("end") == TORN:
-        found.append(Mark(_stopped_at(trace), "error", KILLED))
+    if episode.header.get("error"):
+        found.append(Mark(_stopped_at(episode), "error", str(episode.header["error"])))
+    elif episode.header.get("end") == TORN:
+        found.append(Mark(_stopped_at(episode), "error", KILLED))
     return sorted(found, key=lambda mark: (mark.turn, mark.kind, mark.agent or ""))
 
 
-def _stopped_at(trace: Episode) -> int:
+def _stopped_at(episode: Episode) -> int:
     """The turn whose step raised, otherwise the last turn that has a row."""
-    turns = trace.steps["turn"]
-    raised = turns.filter(pc.is_valid(trace.steps["raised"]))
+    turns = episode.steps["turn"]
+    raised = turns.filter(pc.is_valid(episode.steps["raised"]))
     return int(pc.max(raised if len(raised) else turns).as_py() or 0)
 
 

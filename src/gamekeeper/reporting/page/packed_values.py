@@ -1,7 +1,5 @@
 """Recorded values as plain JSON for a page, bounded in size."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct

@@ -1,7 +1,5 @@
 """Contents of a page as frozen data: tables, charts, snippets, and the sections made of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias

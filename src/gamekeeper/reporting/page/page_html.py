@@ -1,7 +1,5 @@
 """A page as HTML, from templates that escape all text; its provenance section."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

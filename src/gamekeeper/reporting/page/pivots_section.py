@@ -1,7 +1,5 @@
 """Pivots on a page: their section, and on the timeline of an episode marks and the curve."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final
 

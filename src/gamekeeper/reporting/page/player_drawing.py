@@ -4,8 +4,6 @@ The first that exists of: recorded frames; the declared scene; positions in info
 the state; pictures that agents observed; state and observations in shades.
 """
 
-from __future__ import annotations
-
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -92,7 +90,7 @@ class Drawing:
 
 
 def drawn(
-    trace: Episode,
+    episode: Episode,
     agents: Sequence[str],
     *,
     frames: Drawing | None = None,
@@ -102,7 +100,7 @@ def drawn(
     """Makes the drawing of an episode, and names its source, or the reason why there is none.
 
     Args:
-        trace: the episode.
+        episode: the episode.
         agents: every agent of the run, in the order of `possible_agents`.
         frames: recorded frames.
         infos: of every row as plain JSON, where they were read already.
@@ -112,19 +110,19 @@ def drawn(
         at = sorted(frames.shown)
         kind, held = ("text", "texts") if frames.is_text else ("frames", "images")
         return {"kind": kind, held: [frames.shown[k] for k in at], "at": at}, "recorded frames"
-    leaves = [*_state_leaves(trace), *_observed(trace, agents)]
-    infos = infos if infos is not None else _infos(trace)
+    leaves = [*_state_leaves(episode), *_observed(episode, agents)]
+    infos = infos if infos is not None else _infos(episode)
     if declared is not None:
         sources = SceneSources(
-            *_by_source(trace, leaves, infos),
+            *_by_source(episode, leaves, infos),
             declared.agents,
             declared.arguments,
-            over=_last_action(trace) + 1,
+            over=_last_action(episode) + 1,
         )
         found = drawn_scene(declared.scene, sources)
         if found is not None:
             return found, "the declared scene"
-    tracks, source = _tracks(trace, leaves, agents, infos)
+    tracks, source = _tracks(episode, leaves, agents, infos)
     if tracks:
         return {"kind": "map", "extent": _extent(tracks), "tracks": tracks}, source
     pictures = [each for each in leaves if is_picture(each.values[0]) and each.name != "state"]
@@ -132,23 +130,23 @@ def drawn(
         return _montage(pictures)
     if leaves:
         return _cells(leaves)
-    return None, DIGEST if trace.is_digest else NOTHING
+    return None, DIGEST if episode.is_digest else NOTHING
 
 
 # -- leaves
 
 
-def _state_leaves(trace: Episode) -> Iterator[DrawnLeaf]:
-    if trace.states is not None and trace.states.num_rows:
-        every = np.ones(trace.states.num_rows, np.bool_)
-        for column in _numeric(trace.states, "state"):
-            raw = _raw(column, trace.states)
-            yield from _leaf("state", column, raw, trace.states, every)
+def _state_leaves(episode: Episode) -> Iterator[DrawnLeaf]:
+    if episode.states is not None and episode.states.num_rows:
+        every = np.ones(episode.states.num_rows, np.bool_)
+        for column in _numeric(episode.states, "state"):
+            raw = _raw(column, episode.states)
+            yield from _leaf("state", column, raw, episode.states, every)
 
 
-def _observed(trace: Episode, agents: Sequence[str]) -> Iterator[DrawnLeaf]:
+def _observed(episode: Episode, agents: Sequence[str]) -> Iterator[DrawnLeaf]:
     """Observations of every agent, leaf by leaf; masks are shown elsewhere."""
-    steps = trace.steps
+    steps = episode.steps
     columns = [each for each in _numeric(steps, "obs") if each.leaf.path != MASK]
     if not columns or not steps.num_rows:
         return
@@ -187,13 +185,13 @@ def _raw(column: Column, table: pa.Table) -> Raw:
 
 
 def _by_source(
-    trace: Episode, leaves: Sequence[DrawnLeaf], infos: Sequence[Any]
+    episode: Episode, leaves: Sequence[DrawnLeaf], infos: Sequence[Any]
 ) -> tuple[Series | None, dict[tuple[str, str], Series], dict[str, tuple[list[int], list[Any]]]]:
     """The state, observations by agent and path, and infos by agent."""
     states = [each for each in leaves if each.name == "state" and not each.path]
     seen = {(each.name, each.path): (each.turns, each.values) for each in leaves}
     by_agent: dict[str, tuple[list[int], list[Any]]] = {}
-    names, turns = trace.steps["agent"].to_pylist(), trace.steps["turn"].to_pylist()
+    names, turns = episode.steps["agent"].to_pylist(), episode.steps["turn"].to_pylist()
     for agent, turn, info in zip(names, turns, infos, strict=True):
         own = by_agent.setdefault(agent, ([], []))
         own[0].append(turn)
@@ -201,19 +199,19 @@ def _by_source(
     return (states[0].turns, states[0].values) if states else None, seen, by_agent
 
 
-def _last_action(trace: Episode) -> int:
+def _last_action(episode: Episode) -> int:
     """The last turn in which an agent that had not ended acted; -1 without one."""
-    steps = trace.steps
+    steps = episode.steps
     ended = pc.or_(*(pc.fill_null(steps[name], False) for name in ("terminated", "truncated")))
     turns = steps["turn"].filter(pc.and_(pc.is_valid(steps["order"]), pc.invert(ended)))
     return int(turns[-1].as_py()) if len(turns) else -1
 
 
 def _tracks(
-    trace: Episode, leaves: Iterable[DrawnLeaf], agents: Sequence[str], infos: Sequence[Any]
+    episode: Episode, leaves: Iterable[DrawnLeaf], agents: Sequence[str], infos: Sequence[Any]
 ) -> tuple[dict[str, list[list[float]]], str]:
     """By agent [turn, x, y] of each move, and the source of the positions."""
-    tracks = _in_infos(trace, infos, agents)
+    tracks = _in_infos(episode, infos, agents)
     if tracks:
         return tracks, "positions in infos"
     for leaf in leaves:
@@ -228,19 +226,19 @@ def _tracks(
     return tracks, "positions in observations"
 
 
-def _infos(trace: Episode) -> list[Any]:
-    texts = trace.steps["info"].to_pylist()
+def _infos(episode: Episode) -> list[Any]:
+    texts = episode.steps["info"].to_pylist()
     return [None if text is None else plain_of_text(text) for text in texts]
 
 
 def _in_infos(
-    trace: Episode, infos: Sequence[Any], agents: Sequence[str]
+    episode: Episode, infos: Sequence[Any], agents: Sequence[str]
 ) -> dict[str, list[list[float]]]:
     """Positions in infos; where the first info has none, the others aren't read.
 
     A position of one number is drawn in a row of its agent's own, the same in every episode.
     """
-    steps = trace.steps
+    steps = episode.steps
     found: dict[str, tuple[list[int], list[Any]]] = {}
     rows = zip(steps["agent"].to_pylist(), steps["turn"].to_pylist(), infos, strict=True)
     for agent, turn, info in rows:

@@ -3,8 +3,6 @@
 Where a declared source wasn't recorded, or has another shape, there is no scene.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping, Sequence

@@ -15,30 +15,30 @@ from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
 
 @dataclass(frozen=True, slots=True)
 class Reenacted(Intervention):
-    """Everybody but those who are free does at each turn what stands on paper for that turn.
+    """Everybody but those who are free does at each turn what the script says.
 
-    Who has nothing on paper there chooses freely too. What is illegal now gives way to the declared
-    noop, else to the first legal action.
+    An agent without a scripted action there chooses freely too. What is illegal now gives way to
+    the declared noop, else to the first legal action.
 
     Attributes:
         free: agents who choose.
-        paper: turn by turn, by agent.
+        script: turn by turn, by agent.
     """
 
     free: tuple[str, ...] = ()
-    paper: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
+    script: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
 
     def start(self, rng: Generator) -> Hooks:
         """The hooks for one play."""
-        return _OnPaper(self)
+        return _Scripted(self)
 
 
-class _OnPaper(PlacedHooks):
+class _Scripted(PlacedHooks):
     wants_given = True
 
     def __init__(self, change: Reenacted) -> None:
         super().__init__()
-        self._free, self._paper = frozenset(change.free), change.paper
+        self._free, self._script = frozenset(change.free), change.script
         self._offers: dict[AgentId, Offer | None] = {}
 
     def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
@@ -52,18 +52,18 @@ class _OnPaper(PlacedHooks):
             offer.take(observation, info)
 
     def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
-        """The paper's actions where there are some."""
-        if turn >= len(self._paper):
+        """The script's actions where there are some."""
+        if turn >= len(self._script):
             return actions
-        paper = self._paper[turn]
+        script = self._script[turn]
         return {
-            agent: action if action is None else self._done(paper, agent, action)
+            agent: action if action is None else self._done(script, agent, action)
             for agent, action in actions.items()
         }
 
-    def _done(self, paper: Mapping[str, Any], agent: AgentId, chosen: Any) -> Any:
+    def _done(self, script: Mapping[str, Any], agent: AgentId, chosen: Any) -> Any:
         name = agent_name(agent)
-        written = None if name in self._free else paper.get(name)
+        written = None if name in self._free else script.get(name)
         if written is None:
             return chosen
         offer = self._offers.get(agent)

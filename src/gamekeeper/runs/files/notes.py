@@ -2,7 +2,7 @@
 
 Every line is a JSON object whose `digest` is that of the digest before it (zeros in the first) and
 of the line itself, so that a changed, inserted or removed line breaks the chain. Lines taken off
-the end leave no trace in the chain. Annotations are no part of the root digest, which stays as it
+the end leave no episode in the chain. Annotations are no part of the root digest, which stays as it
 was when the run was finalized.
 """
 

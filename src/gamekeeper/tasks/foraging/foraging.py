@@ -37,8 +37,6 @@ for the cells where players of the episode before stood, which it doesn't give t
 down before them. Observations as a grid, whose space it can't make, are left out.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any, Final

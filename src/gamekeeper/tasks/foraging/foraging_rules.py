@@ -1,7 +1,5 @@
 """The rules of `foraging`, R1 to R9 of its docstring, over one copy's state."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias

@@ -52,7 +52,7 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import MaskedTurns
 from gamekeeper.randomness.stream import Stream
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.disturbed import DisturbedTurns
+from gamekeeper.tasks.disturbances import DisturbedTurns
 from gamekeeper.tasks.drawing import BLUE, GREEN, ORANGE, PAPER, STONE, WOOD, Canvas, metadata_of
 from gamekeeper.tasks.handover import handover_rules as rules
 from gamekeeper.tasks.handover.handover_rules import (

@@ -3,8 +3,6 @@
 None of them looks at the mask: it tells the truth, also where an arm's senses are disturbed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final
 

@@ -7,8 +7,6 @@ fewer.
 Source: mpe2 1.1.1, `_mpe_utils/partial_observability.py`.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """One world of particles as a ParallelEnv: its pictures, and a contract that fits its arguments."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

@@ -23,8 +23,6 @@ Source: mpe2 1.1.1, `_mpe_utils/core.py` and `simple_env.py`; Lowe et al. 2017, 
 Actor-Critic for Mixed Cooperative-Competitive Environments"; Mordatch & Abbeel 2017.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final
 

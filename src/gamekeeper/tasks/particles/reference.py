@@ -20,8 +20,6 @@ Source: mpe2 1.1.1, `simple_reference`; Mordatch & Abbeel 2017, "Emergence of Gr
 Language in Multi-Agent Populations".
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
@@ -33,7 +31,7 @@ from gamekeeper.tasks.drawing import Color, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleTicks, shade, spoken
-from gamekeeper.tasks.particles.scripted import lazy, reference_greedy, reference_reference
+from gamekeeper.tasks.particles.scripted_policies import lazy, reference_greedy, reference_reference
 
 MARKS: Final = 3
 WORDS: Final = 10

@@ -17,8 +17,6 @@ Source: mpe2 1.1.1, `simple_speaker_listener`; Lowe et al. 2017, "Multi-Agent Ac
 Cooperative-Competitive Environments".
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
@@ -31,7 +29,7 @@ from gamekeeper.tasks.drawing import STONE, Color, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleTicks, shade, spoken
-from gamekeeper.tasks.particles.scripted import (
+from gamekeeper.tasks.particles.scripted_policies import (
     lazy,
     speaker_listener_greedy,
     speaker_listener_reference,

@@ -23,8 +23,6 @@ Source: mpe2 1.1.1, `simple_spread`; Lowe et al. 2017, "Multi-Agent Actor-Critic
 Cooperative-Competitive Environments".
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, Unpack
 
@@ -37,7 +35,7 @@ from gamekeeper.tasks.drawing import BLUE, STONE, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleArguments, ParticleTicks
-from gamekeeper.tasks.particles.scripted import lazy, spread_greedy, spread_reference
+from gamekeeper.tasks.particles.scripted_policies import lazy, spread_greedy, spread_reference
 
 SIZE: Final = 0.15
 """Radius of an agent."""

@@ -24,8 +24,6 @@ Source: mpe2 1.1.1, `simple_tag`; Lowe et al. 2017, "Multi-Agent Actor-Critic fo
 Cooperative-Competitive Environments".
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, Final, Unpack
 
@@ -38,7 +36,7 @@ from gamekeeper.tasks.drawing import GREEN, INK, RED, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleArguments, ParticleTicks
-from gamekeeper.tasks.particles.scripted import Chase, lazy
+from gamekeeper.tasks.particles.scripted_policies import Chase, lazy
 
 ADVERSARY: Final = (0.075, 3.0, 1.0)
 GOOD: Final = (0.05, 4.0, 1.3)

@@ -34,8 +34,6 @@ pursuit of Gupta, Egorov & Kochenderfer 2017 ("Cooperative multi-agent control u
 reinforcement learning"), in which catches and collisions are others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, Final, TypeAlias
 

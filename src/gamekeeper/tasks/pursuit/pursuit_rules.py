@@ -9,8 +9,6 @@ done for pairs: a tick costs so much for each of them, however many there are.
 # mypy: disable-error-code="no-untyped-def"
 # a rule's types are found when it compiles
 
-from __future__ import annotations
-
 from typing import Final
 
 from gamekeeper.kernels import draws

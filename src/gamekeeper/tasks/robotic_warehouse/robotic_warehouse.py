@@ -35,8 +35,6 @@ Cooperative Tasks"; rules of the package rware 2.0.0, equal step by step but for
 messages and image observations.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any, Final

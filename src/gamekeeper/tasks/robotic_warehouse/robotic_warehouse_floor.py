@@ -4,8 +4,6 @@ A floor is stored with a margin as wide as robots see, so that no rule asks whet
 Cells are numbers in that grid, row by row.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Final

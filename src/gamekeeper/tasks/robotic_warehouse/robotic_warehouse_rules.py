@@ -1,7 +1,5 @@
 """The rules of `robotic_warehouse`, R1 to R11 of its docstring, over one copy's state."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gamekeeper.kernels import draws

@@ -60,7 +60,7 @@ from gamekeeper.kernels.kernel_env import MaskedTicks
 from gamekeeper.kernels.scalar_rules import Copy, Plain, as_python
 from gamekeeper.randomness.stream import Stream
 from gamekeeper.tasks import drawing
-from gamekeeper.tasks.disturbed import Disturbed, DisturbedTicks
+from gamekeeper.tasks.disturbances import Disturbed, DisturbedTicks
 from gamekeeper.tasks.drawing import Canvas, Color, metadata_of
 from gamekeeper.tasks.knobs import KnobArguments, Knobs
 from gamekeeper.tasks.warehouse import warehouse_rules as work

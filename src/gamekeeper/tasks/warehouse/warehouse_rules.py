@@ -4,8 +4,6 @@
 the modules of the tasks.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 from gamekeeper.kernels import draws

@@ -26,8 +26,6 @@ the floor, x, y, whether it has an item, battery; for each cell its kind (as abo
 for each cell the open orders of a shelf, or the item lying there.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -12,13 +12,11 @@ Rules R1 to R14 of `gamekeeper.tasks.warehouse.warehouse` hold, read for one rob
         its first turn in the next tick, at its place in the order.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import MaskedTurns
-from gamekeeper.tasks.disturbed import DisturbedTurns
+from gamekeeper.tasks.disturbances import DisturbedTurns
 from gamekeeper.tasks.drawing import metadata_of
 from gamekeeper.tasks.warehouse import warehouse_rules as work
 from gamekeeper.tasks.warehouse import warehouse_sight as sight

@@ -171,9 +171,9 @@ def crossplay(
 
 def _write(ax: Axes, crossed: Row, payoffs: Row, means: Any) -> None:
     """Writes each mean into its cell, its interval below."""
-    seats = (payoffs["rows"], payoffs["columns"])
+    positions = (payoffs["rows"], payoffs["columns"])
     between = {
-        (tuple(cell["roles"][seat] for seat in seats), cell["mean"]): interval(
+        (tuple(cell["roles"][position] for position in positions), cell["mean"]): interval(
             cell.get("low"), cell.get("high")
         )
         for cell in crossed["cells"]

@@ -1,7 +1,5 @@
 """Runs and evaluations of a query: folders, patterns, folders of folders, parts."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping

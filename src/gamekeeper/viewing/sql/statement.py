@@ -4,8 +4,6 @@ The tree of a query is compared with a list of allowed nodes, not of harmful one
 node that a later DuckDB adds is refused until it stands here.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

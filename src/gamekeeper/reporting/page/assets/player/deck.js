@@ -85,7 +85,7 @@ gk.Deck = class {
 
   // One agent stands out in the map, the lanes and the table, or is alone there; null: all alike.
   stress(name, solo) {
-    this.drawing.chosen = this.episode.seat.has(name) ? name : null;
+    this.drawing.chosen = this.episode.slot.has(name) ? name : null;
     this.lanes.stress(name, solo);
     this.table.stress(name, solo);
   }

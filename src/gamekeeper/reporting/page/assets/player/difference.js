@@ -30,7 +30,7 @@ const fieldAt = (a, b, turn) => {
   const [fromB, pastB] = b.rowsAt(turn);
   for (let row = from; row < past; row++) {
     const { name } = a.agents[a.agent[row]];
-    const rowB = b.seat.has(name) ? rowIn(b, fromB, pastB, b.seat.get(name), row - from) : -1;
+    const rowB = b.slot.has(name) ? rowIn(b, fromB, pastB, b.slot.get(name), row - from) : -1;
     const field = rowB < 0 ? "row" : fields.find((each) => !same(gk.field(a, row, each), gk.field(b, rowB, each)));
     if (field !== undefined) return { agent: name, field };
   }
@@ -48,7 +48,7 @@ const extraAgent = (a, b, turn) => {
   const [from, past] = b.rowsAt(turn);
   for (let row = from; row < past; row++) {
     const { name } = b.agents[b.agent[row]];
-    if (!a.seat.has(name) || a.rowOf(a.seat.get(name), turn) < 0) return name;
+    if (!a.slot.has(name) || a.rowOf(a.slot.get(name), turn) < 0) return name;
   }
   return null;
 };
@@ -57,8 +57,8 @@ gk.FIELD_WORDS = { row: "the set of rows", hidden: "a value that is not shown he
 const LONGEST = 80; // characters of a value that is shown
 
 const valueAt = (episode, { turn, agent, field }) => {
-  const seat = episode.seat.get(agent);
-  const row = seat === undefined ? -1 : episode.rowOf(seat, turn);
+  const slot = episode.slot.get(agent);
+  const row = slot === undefined ? -1 : episode.rowOf(slot, turn);
   const value = gk.field(episode, row, field);
   return typeof value === "number" ? gk.number(value) || "nothing" : value || "nothing";
 };

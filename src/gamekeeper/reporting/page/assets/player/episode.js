@@ -81,7 +81,7 @@ gk.Episode = class {
     this.penalties = this.#penalties(); // drawn beside the marks; too many to be jumped to
     this.tallest = Math.max(1e-12, this.#tallest(this.reward), this.#tallest(this.cumulative_reward));
     this.idle = this.#idleValues();
-    this.seat = new Map(this.agents.map((agent, i) => [agent.name, i]));
+    this.slot = new Map(this.agents.map((agent, i) => [agent.name, i]));
     this.ends = this.agents.map((agent) => gk.own(this.endings, agent.name));
   }
 

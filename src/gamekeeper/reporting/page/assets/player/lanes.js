@@ -78,8 +78,8 @@ gk.Lanes = class {
 
   // Makes an agent stand out, alone with `solo`; null: all alike.
   stress(name, solo) {
-    this.chosen = this.episode.seat.has(name) ? name : null;
-    this.order = solo && this.chosen !== null ? [this.episode.seat.get(name)] : this.all;
+    this.chosen = this.episode.slot.has(name) ? name : null;
+    this.order = solo && this.chosen !== null ? [this.episode.slot.get(name)] : this.all;
     this.#fit();
     this.redraw();
     if (this.chosen !== null) this.reveal(name);
@@ -207,7 +207,7 @@ gk.Lanes = class {
 
   // Brings an agent's lane into sight.
   reveal(name) {
-    const agent = this.episode.seat.get(name);
+    const agent = this.episode.slot.get(name);
     if (agent === undefined) return;
     const top = this.order.indexOf(agent) * this.height;
     if (top < this.scroll.scrollTop || top + this.height > this.scroll.scrollTop + this.inSight) this.scroll.scrollTop = top - this.inSight / 2;

@@ -62,11 +62,11 @@ gk.MapDrawing = class {
     this.chosen = null; // the agent that stands out
     this.ghost = null; // the map beside this one, whose agents are drawn as outlines where they are elsewhere
     this.tracks = Object.entries(tracks).map(([name, points]) => {
-      const seat = episode.seat.get(name);
-      const role = seat === undefined ? 0 : gk.placeOf("role", episode.agents[seat].role);
+      const slot = episode.slot.get(name);
+      const role = slot === undefined ? 0 : gk.placeOf("role", episode.agents[slot].role);
       return {
         name,
-        seat: seat ?? 0,
+        slot: slot ?? 0,
         shape: SHAPES[role % SHAPES.length],
         ...gk.trackOf(points),
       };
@@ -130,7 +130,7 @@ gk.MapDrawing = class {
       if (track.turns[i] < turn - TRAIL) break;
     }
     ink.stroke();
-    const gone = !this.episode.isThere(track.seat, turn);
+    const gone = !this.episode.isThere(track.slot, turn);
     ink.globalAlpha = faint;
     ink.beginPath();
     const [x, y] = [this.x(track.xs[here]), this.y(track.ys[here])];
@@ -143,7 +143,7 @@ gk.MapDrawing = class {
       ink.fillRect(x - side / 2, y - side / 2, side, side);
     }
     ink.globalAlpha = 1;
-    if (faint === 1) labels.push({ name: track.name, doing: gk.doingText(this.episode, track.seat, turn), x, y });
+    if (faint === 1) labels.push({ name: track.name, doing: gk.doingText(this.episode, track.slot, turn), x, y });
   }
 
   // An agent of the episode beside this one: an outline, joined to where the agent is here.
@@ -172,11 +172,11 @@ gk.MapDrawing = class {
 
   // An agent's sign in a cell of a board; false where the word is no agent.
   #sign(ink, name, x, y, size) {
-    const seat = this.episode.seat.get(name);
-    if (seat === undefined) return false;
+    const slot = this.episode.slot.get(name);
+    if (slot === undefined) return false;
     ink.fillStyle = gk.colourAt(gk.placeOf("agent", name));
     ink.beginPath();
-    const role = gk.roleWords(this.episode).length ? gk.placeOf("role", this.episode.agents[seat].role) : seat;
+    const role = gk.roleWords(this.episode).length ? gk.placeOf("role", this.episode.agents[slot].role) : slot;
     SHAPES[role % SHAPES.length](ink, x, y, size);
     ink.fill();
     return true;

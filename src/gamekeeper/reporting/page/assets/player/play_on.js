@@ -115,8 +115,8 @@ gk.PlayOn = class {
   }
 
   #fillChoices(isAction) {
-    const seat = this.episode.seat.get(this.who.value);
-    const row = this.episode.rowOf(seat, this.turn);
+    const slot = this.episode.slot.get(this.who.value);
+    const row = this.episode.rowOf(slot, this.turn);
     const offered = gk.own(this.offers ?? {}, this.who.value);
     const actions = offered?.actions ?? [];
     const isListed = actions.length > 0;
@@ -125,7 +125,7 @@ gk.PlayOn = class {
     this.policy.hidden = isAction;
     if (!offered) return;
     const recorded = this.episode.value(this.episode.action[row]);
-    const named = gk.own(this.episode.agents[seat], "actions") ?? [];
+    const named = gk.own(this.episode.agents[slot], "actions") ?? [];
     const label = (action) => `${named[action] ? `${gk.visible(named[action])} (${action})` : action}${action === recorded ? ", as recorded" : ""}`;
     const legal = legalOf(this.episode, row, actions);
     const [action, policy] = [this.action.value, this.policy.value];

@@ -43,7 +43,7 @@ gk.Scene = class {
     this.things = scene.things.map(({ name, track }) => ({ name, ...gk.trackOf(track) }));
     const there = (layer) => new Set([...layer.base, ...layer.changes.map((change) => change[2])].map(String));
     const wordsOf = (layer, numbers) => Object.entries(layer.values).flatMap(([number, word]) => (numbers.has(number) ? [word] : []));
-    const words = this.layers.flatMap((layer) => wordsOf(layer, there(layer))).filter((word) => !episode.seat.has(word));
+    const words = this.layers.flatMap((layer) => wordsOf(layer, there(layer))).filter((word) => !episode.slot.has(word));
     const pieces = this.layers.flatMap((layer) => Object.values(layer.pieces ?? {}));
     this.letters = lettersOf([...new Set([...words, ...pieces, ...this.things.map(({ name }) => name)])]);
     this.carried = scene.carries;

@@ -117,7 +117,7 @@ gk.TurnTable = class {
 
   // An agent's row stands out, or is alone.
   stress(name, solo) {
-    this.chosen = this.episode.seat.has(name) ? name : null;
+    this.chosen = this.episode.slot.has(name) ? name : null;
     this.solo = solo;
   }
 
@@ -145,8 +145,8 @@ gk.TurnTable = class {
     gk.say(name, gk.visible(e.agents[agent].name));
     line.classList.toggle("absent", row < 0);
     line.classList.toggle("acted", row >= 0 && e.acted(row));
-    const seat = this.other ? this.other.seat.get(e.agents[agent].name) : undefined;
-    const otherRow = seat === undefined ? -1 : this.other.rowOf(seat, turn);
+    const slot = this.other ? this.other.slot.get(e.agents[agent].name) : undefined;
+    const otherRow = slot === undefined ? -1 : this.other.rowOf(slot, turn);
     this.columns.forEach((column, i) => {
       this.#say(cells[i], column, agent, row, turn);
       cells[i].classList.toggle("differs", this.other !== null && this.#differs(column, row, otherRow));

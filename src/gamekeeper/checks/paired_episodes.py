@@ -1,18 +1,16 @@
 """Cases about one play that was played twice, and programs that play it twice."""
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import numpy as np
 
 from gamekeeper.checks.case import Case, Cases, Reproducer
 from gamekeeper.checks.facts.seed_facts import (
+    EpisodeElsewhere,
     LaterSeeds,
-    PlayElsewhere,
-    SeededPlays,
+    SeededEpisodes,
+    UnseededEpisodes,
     UnseededOpenings,
-    UnseededPlays,
 )
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence, ProbeRun
@@ -129,13 +127,13 @@ def program(
         unchanged: the lines without what makes the plays differ; empty where nothing does but the
             environment itself.
     """
-    course = _parallel(reset, tells) if api == "parallel" else _aec(reset, tells)
+    body = _parallel(reset, tells) if api == "parallel" else _aec(reset, tells)
     told = [
         'np.set_printoptions(threshold=10**9, floatmode="unique")',
         "def play(env, seed=SEED, between=lambda: None):",
         "    seen = []",
         "    try:",
-        *(f"    {line}" for line in course),
+        *(f"    {line}" for line in body),
         "    except Exception as error:",
         "        seen.append(error)",
         "    # an object's address differs from play to play",
@@ -184,7 +182,7 @@ def _aec(reset: str, tells: frozenset[str]) -> list[str]:
 def ignores_seeds(evidence: ProbeEvidence) -> bool:
     """Tells whether all seeds gave one play, and resets without a seed several openings."""
     for look in evidence.looks.get("unseeded", ()):
-        seeded, openings = look.fact(SeededPlays), look.fact(UnseededOpenings)
+        seeded, openings = look.fact(SeededEpisodes), look.fact(UnseededOpenings)
         if seeded is None or openings is None:
             continue
         if len(set(seeded.value.digests)) == 1 and len(set(openings.value.openings)) > 1:
@@ -203,10 +201,10 @@ def draws_nothing(contract: Contract, evidence: ProbeEvidence) -> str | None:
     against = settled_by_seed(contract, evidence)
     if against is not None:
         return against
-    if any(fact.value.difference for fact in evidence.facts(PlayElsewhere)):
+    if any(fact.value.difference for fact in evidence.facts(EpisodeElsewhere)):
         return None
-    seeded = [fact.value.digests for fact in evidence.facts(SeededPlays)]
-    unseeded = [fact.value.digests for fact in evidence.facts(UnseededPlays)]
+    seeded = [fact.value.digests for fact in evidence.facts(SeededEpisodes)]
+    unseeded = [fact.value.digests for fact in evidence.facts(UnseededEpisodes)]
     if seeded and not evidence.blind and all(len(set(each)) == 1 for each in (*seeded, *unseeded)):
         return "no seed and no reset without one led to another play: nothing was drawn"
     return None

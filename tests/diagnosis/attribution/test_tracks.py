@@ -1,4 +1,4 @@
-"""Papers played again: as they were, and with one action done otherwise."""
+"""Scripts played again: as they were, and with one action done otherwise."""
 
 from types import SimpleNamespace
 
@@ -12,10 +12,10 @@ from gamekeeper.diagnosis.attribution.recorded_actions import Chooser, Swap, fin
 from gamekeeper.diagnosis.attribution.replacement_runs import (
     ReplacementRunner,
     ReplacementTask,
-    paper_from_json,
-    paper_to_json,
+    script_from_json,
+    script_to_json,
 )
-from gamekeeper.diagnosis.played_setup import setup_of
+from gamekeeper.diagnosis.open_setup import setup_of
 from gamekeeper.episodes.outcome import outcome_of
 
 TASKS = ["two_robot_line", "warehouse_turns", "speaker_listener", "warehouse"]
@@ -28,15 +28,15 @@ def _runner(name, policies="random"):
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_paper_comes_out_as_recorded(name) -> None:
+def test_script_comes_out_as_recorded(name) -> None:
     """Every agent's k-th decision, done again, gives the recorded returns, twice."""
     evidence, runner = _runner(name)
     with runner:
-        for trace in evidence.episodes:
-            paper = paper_from_json(paper_to_json(runner.paper_of(trace)))
-            one, two = (runner.from_paper(paper, sees=True) for _ in range(2))
-            assert outcome_of(trace).team_return == pytest.approx(one.team_return())
-            assert (one.left_paper, first_difference(one, two)) == (0, None)
+        for episode in evidence.episodes:
+            script = script_from_json(script_to_json(runner.script_of(episode)))
+            one, two = (runner.from_script(script, sees=True) for _ in range(2))
+            assert outcome_of(episode).team_return == pytest.approx(one.team_return())
+            assert (one.left_script, first_difference(one, two)) == (0, None)
 
 
 @pytest.mark.parametrize("name", ["warehouse", "warehouse_turns"])
@@ -44,17 +44,17 @@ def test_frozen_action_that_is_illegal_becomes_a_noop(name) -> None:
     """Where a frozen action isn't legal any more, nothing is done in its place."""
     evidence, runner = _runner(name)
     with runner:
-        paper = runner.paper_of(evidence.episodes[0])
-        changed = runner.from_paper(paper, Swap("picker_0", None, "noop"))
+        script = runner.script_of(evidence.episodes[0])
+        changed = runner.from_script(script, Swap("picker_0", None, "noop"))
     assert {int(action) for action in changed.actions["picker_0"]} == {4}
     own = [
         (int(a), int(b))
         for name in changed.actions
         if name != "picker_0"
-        for a, b in zip(paper.actions[name], changed.actions[name], strict=False)
+        for a, b in zip(script.actions[name], changed.actions[name], strict=False)
     ]
     assert all(b in (a, 4) for a, b in own)
-    assert changed.left_paper >= sum(a != b for a, b in own)
+    assert changed.left_script >= sum(a != b for a, b in own)
 
 
 def test_other_action_of_a_huge_space_is_drawn_without_a_list() -> None:

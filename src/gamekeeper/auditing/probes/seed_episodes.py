@@ -1,7 +1,5 @@
 """Probes of seeds: the same seed, special ones, none, and a second episode."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from hashlib import blake2b
@@ -11,15 +9,15 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.checks.facts.seed_facts import (
     EpisodeBefore,
+    EpisodeElsewhere,
     LaterSeeds,
     PlainSeed,
-    PlayElsewhere,
-    SeededPlays,
+    SeededEpisodes,
     SpecialRefused,
+    UnseededEpisodes,
     UnseededOpenings,
-    UnseededPlays,
 )
-from gamekeeper.checks.paired_plays import told_difference
+from gamekeeper.checks.paired_episodes import told_difference
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.episode import digests_of
 from gamekeeper.episodes.layout import agent_name
@@ -47,19 +45,19 @@ def same_seed(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """
     base = session.fresh(play)
     again = session.fresh(base.play)
-    same = session.beside(base.trace, base.trace, again.trace, {"change": "nothing"})
+    same = session.beside(base.episode, base.episode, again.episode, {"change": "nothing"})
     yield same
     if same.divergence is None:
         with held(OTHERWISE):
             elsewhere = session.play(base.play, session.env(), hold=False)
         change: dict[str, Any] = {"change": "the global generators"}
-        yield session.beside(base.trace, again.trace, elsewhere.trace, change)
+        yield session.beside(base.episode, again.episode, elsewhere.episode, change)
     if session.number == 0 and same.divergence is None:
         for seconds in LATER_S:
             with held(), later(seconds):
                 other = session.play(base.play, session.env())
             change = {"change": "the time of day", "later_s": seconds}
-            moved = session.beside(base.trace, again.trace, other.trace, change)
+            moved = session.beside(base.episode, again.episode, other.episode, change)
             yield moved
             if moved.divergence is not None:
                 break
@@ -67,8 +65,8 @@ def same_seed(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         short = replace(base.play, options={}, actions=(base.play.actions or ())[:1])
         empty = session.fresh(short)
         if empty.failed is None:  # a reset that refuses options is another promise
-            none = session.fresh(replace(short, options=None)).trace
-            yield session.beside(none, none, empty.trace, {"change": "empty options"})
+            none = session.fresh(replace(short, options=None)).episode
+            yield session.beside(none, none, empty.episode, {"change": "empty options"})
 
 
 SPECIAL_SEEDS: Final = (0, 2**31 - 1)
@@ -100,7 +98,7 @@ def special_seeds(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """
     one, two = _twice(session, play)
     change = {"change": "nothing", "seed": play.seed}
-    yield session.beside(one.trace, one.trace, two.trace, change)
+    yield session.beside(one.episode, one.episode, two.episode, change)
     is_refused = one.failed is not None and one.failed.call == "reset"
     if one.failed is not None and is_refused:
         yield session.fact(SpecialRefused(f"{one.failed.kind}: {one.failed.text}"))
@@ -118,27 +116,27 @@ def _twice(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, Epi
     way; else it is what the last play left.
     """
     one = _fresh(session, play)[0]
-    paper = replace(play, actions=one.play.actions)
-    again, env = _fresh(session, paper)
+    script = replace(play, actions=one.play.actions)
+    again, env = _fresh(session, script)
     used = [again]
     while len(used) < AGAIN and not _parts(session, one, used[-1]):
-        used.append(_played(session, paper, env))
+        used.append(_played(session, script, env))
     if len(used) == 1 or not _parts(session, one, used[-1]):
         return one, used[-1]
-    if not _parts(session, used[-1], _unseeded(session, paper, len(used))):
+    if not _parts(session, used[-1], _unseeded(session, script, len(used))):
         return one, used[-1]
     for _ in range(AGAIN):
-        again = _fresh(session, paper)[0]
+        again = _fresh(session, script)[0]
         if _parts(session, one, again):
             break
     return one, again
 
 
-def _unseeded(session: ProbeSession, paper: EpisodePlan, count: int) -> EpisodeResult:
+def _unseeded(session: ProbeSession, script: EpisodePlan, count: int) -> EpisodeResult:
     """The last of so many plays in one instance, of which only the first has its seed."""
-    played, env = _fresh(session, paper)
+    played, env = _fresh(session, script)
     for _ in range(count - 1):
-        played = _played(session, replace(paper, seed=None), env)
+        played = _played(session, replace(script, seed=None), env)
     return played
 
 
@@ -154,7 +152,7 @@ def _played(session: ProbeSession, play: EpisodePlan, env: Any) -> EpisodeResult
 
 
 def _parts(session: ProbeSession, one: EpisodeResult, two: EpisodeResult) -> bool:
-    return session.divergence(one.trace, two.trace) is not None
+    return session.divergence(one.episode, two.episode) is not None
 
 
 FEW: Final = 4
@@ -181,7 +179,7 @@ def unseeded(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     What plays came to, as digests.
 
     Facts:
-        `SeededPlays`, `UnseededPlays`, `UnseededOpenings`, `PlayElsewhere`.
+        `SeededEpisodes`, `UnseededEpisodes`, `UnseededOpenings`, `EpisodeElsewhere`.
     """
     seeded = [_told(session.play(play, session.env(), hold=False))]
     _until_two(seeded, FEW, lambda: _told(_seeded(session, play, len(seeded))))
@@ -202,9 +200,9 @@ def unseeded(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         _until_two(seeded, MANY, lambda: _told(_seeded(session, play, len(seeded))))
         yield session.fact(UnseededOpenings(_drawn_openings(session)))
     elif kinds == (1, 1):
-        yield session.fact(PlayElsewhere(_elsewhere(session, play)))
-    yield session.fact(SeededPlays(seeded))
-    yield session.fact(UnseededPlays(unseeded))
+        yield session.fact(EpisodeElsewhere(_elsewhere(session, play)))
+    yield session.fact(SeededEpisodes(seeded))
+    yield session.fact(UnseededEpisodes(unseeded))
 
 
 def _until_two(found: list[str], most: int, more: Any) -> None:
@@ -219,9 +217,9 @@ def _seeded(session: ProbeSession, play: EpisodePlan, number: int) -> EpisodeRes
 
 def _told(played: EpisodeResult) -> str:
     """All that was given and done, and nothing of how it came about."""
-    trace = played.trace
-    text = blake2b(digests_of(trace.steps).tobytes(), digest_size=8)
-    for info in trace.steps["info"].to_pylist():
+    episode = played.episode
+    text = blake2b(digests_of(episode.steps).tobytes(), digest_size=8)
+    for info in episode.steps["info"].to_pylist():
         text.update(str(info).encode())
     return text.hexdigest()
 
@@ -250,7 +248,7 @@ def _elsewhere(session: ProbeSession, play: EpisodePlan) -> str | None:
     ]
     change = GeneratorsElsewhere(tuple(places), number=ELSEWHERE)
     other = session.play(played[0].play, session.env(), change=change, hold=False)
-    found = session.divergence(played[0].trace, other.trace)
+    found = session.divergence(played[0].episode, other.episode)
     return None if found is None else told_difference(found)
 
 
@@ -329,13 +327,13 @@ def second_episode(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         else:
             after = _after(session, before, base.play, times)
         if not _parts(session, base, after):
-            yield session.beside(base.trace, base.trace, after.trace, change)
+            yield session.beside(base.episode, base.episode, after.episode, change)
             continue
         unchanged_rerun = session.fresh(base.play)
-        yield session.beside(base.trace, unchanged_rerun.trace, after.trace, change)
+        yield session.beside(base.episode, unchanged_rerun.episode, after.episode, change)
         if not _parts(session, base, unchanged_rerun):
-            paper = None if before is base.play else _on_paper(session, before)
-            yield session.fact(EpisodeBefore(paper, times))
+            script = None if before is base.play else _script_of(session, before)
+            yield session.fact(EpisodeBefore(script, times))
             yield session.fact(LaterSeeds(*_seeds_matter(session, before, base, after, times)))
         return
 
@@ -373,7 +371,9 @@ def _after(
         return session.play(play, env)
 
 
-def _on_paper(session: ProbeSession, before: EpisodePlan) -> tuple[int | None, tuple[Actions, ...]]:
+def _script_of(
+    session: ProbeSession, before: EpisodePlan
+) -> tuple[int | None, tuple[Actions, ...]]:
     if before.actions is None:
         before = session.fresh(before).play
     return before.seed, before.actions or ()

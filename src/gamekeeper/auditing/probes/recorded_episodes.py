@@ -1,7 +1,5 @@
 """Probes of recorded plays: rollouts from several seeds, and a replay from evidence alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
@@ -13,7 +11,7 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable
 from gamekeeper.auditing.probes.state_calls import form_of, space_of
-from gamekeeper.checks.facts.play_facts import (
+from gamekeeper.checks.facts.episode_facts import (
     AgentNames,
     RaisedCall,
     SelectedAgents,
@@ -29,7 +27,7 @@ from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.process_randomness import held
-from gamekeeper.rollouts.reruns import replay_trace
+from gamekeeper.rollouts.reruns import replayed_episode
 
 PLAYS: Final = 8
 """Episodes at least, however long."""
@@ -47,7 +45,7 @@ SHORT_PLAYS: Final = 16
 def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rollouts from several seeds with random legal actions, long enough to see endings.
 
-    The trace, and what raised.
+    The episode, and what raised.
 
     Facts:
         `RaisedCall`, `SelectedAgents`, `TurnRosters`, `StateForms`.
@@ -64,8 +62,8 @@ def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     env = session.env()
     played = session.play(play, env, watch=watch)
-    yield played.trace
-    yield from _states(session, space_of(session, env), played.trace)
+    yield played.episode
+    yield from _states(session, space_of(session, env), played.episode)
     yield session.fact(TurnRosters(rosters), field="agents")
     if session.api == "aec":
         yield session.fact(SelectedAgents(selected), field="agent_selection")
@@ -75,10 +73,10 @@ def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         yield session.fact(raised, turn=failed.turn, field="raised")
 
 
-def _states(session: ProbeSession, space: Space[Any] | None, trace: Episode) -> Iterator[Saw]:
+def _states(session: ProbeSession, space: Space[Any] | None, episode: Episode) -> Iterator[Saw]:
     """The forms of state() in a play; rare ones are met in long plays alone."""
     forms: dict[str, StateAnswer] = {}
-    for turn in trace.turns if trace.states is not None else ():
+    for turn in episode.turns if episode.states is not None else ():
         if isinstance(turn.state, np.ndarray):
             form = form_of(turn.index, turn.state, space)
             forms.setdefault(str(replace(form, turn=0)), form)
@@ -118,26 +116,28 @@ def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         return
     unchanged_rerun = session.play(base.play)
     again = _replayed(
-        session, base.trace, session.env(), {agent_name(agent): agent for agent in names}
+        session, base.episode, session.env(), {agent_name(agent): agent for agent in names}
     )
     if isinstance(again, Episode):
-        yield session.beside(base.trace, unchanged_rerun.trace, again, {"change": "Replayed"})
+        yield session.beside(base.episode, unchanged_rerun.episode, again, {"change": "Replayed"})
     else:
         yield session.fact(UnwrittenActions(again), turn=0, field="actions")
 
 
 def _replayed(
-    session: ProbeSession, trace: Episode, env: Any, agents: dict[str, Any]
+    session: ProbeSession, episode: Episode, env: Any, agents: dict[str, Any]
 ) -> Episode | str:
-    """The trace of a replay; what was said where an action couldn't be built from its text."""
+    """The episode of a replay; what was said where an action couldn't be built from its text."""
     declared: Contract = session.contract
     sink = MemorySink(terms=tuple(declared.rewards), volatile=declared.volatile_infos())
     capture = capture_of(env, sink=sink)
-    capture.episode = trace.episode - 1
+    capture.episode = episode.episode - 1
     session.meter.count(RESET_STEPS)
     count = session.meter.count
     with held():  # as the play itself was: generators of the whole process are for other probes
-        done = session.call("replay", replay_trace, trace, capture, agents=agents, after_turn=count)
+        done = session.call(
+            "replay", replayed_episode, episode, capture, agents=agents, after_turn=count
+        )
     if done.failed is not None:
         return done.failed.text
     return sink.episode()

@@ -12,7 +12,7 @@ from typing import Any, Final, Self
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.plain_data import frozen, plain
-from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
+from gamekeeper.diagnosis.undos import BoundaryUndo, UndonePolicies
 from gamekeeper.episodes.canonical import from_json, is_exact, to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -23,7 +23,7 @@ from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.policy import EVERYONE, REFERENCE, SAME, reset_policy, shared_with
 from gamekeeper.randomness.seeds import episode_seed
-from gamekeeper.rollouts.continuations import RecordedCourse
+from gamekeeper.rollouts.continuations import RecordedEpisode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
 from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.reruns import play_of
@@ -31,7 +31,7 @@ from gamekeeper.rollouts.rollout_plan import MOST_TURNS, NAMES, object_of_this_p
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.consent import Consent, consented
 from gamekeeper.runs.recorder import RunRecorder
-from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.runs.replay_runner import ReplayRunner
 from gamekeeper.runs.standing import choices_in, choices_of
 
@@ -276,7 +276,7 @@ class OpenSetup:
     Attributes:
         opened, env: the environment.
         described: its policies, as evidence names them.
-        cast: its policies; None where it has none.
+        joint_policy: its policies; None where it has none.
         contract: names reward terms and volatile infos.
     """
 
@@ -293,19 +293,19 @@ class OpenSetup:
         self._undo: list[Callable[[], None]] = []
         self._renew: Callable[[], None] | None = None
         try:
-            self.cast: Any = None
+            self.joint_policy: Any = None
             self.described = to_json(None)
             if setup.policies:
-                self.cast = cast_of(dict(setup.policies), self.env, contract)
+                self.joint_policy = joint_policy_of(dict(setup.policies), self.env, contract)
                 agents = list(getattr(self.env, "possible_agents", ()))
-                self.described = to_json(self.cast.described(agents))
+                self.described = to_json(self.joint_policy.described(agents))
             self._set()
             if setup.renews:
-                self._renew = self.cast.renewer(setup.renews)
+                self._renew = self.joint_policy.renewer(setup.renews)
             if setup.forgets:
-                self.cast = _Forgetful(self.cast, setup.forgets)
+                self.joint_policy = _Forgetful(self.joint_policy, setup.forgets)
             for undo in setup.undos:
-                self.cast = UndoneCast(self.cast, undo, self.env, contract)
+                self.joint_policy = UndonePolicies(self.joint_policy, undo, self.env, contract)
         except BaseException:
             self.close()
             raise
@@ -330,8 +330,8 @@ class OpenSetup:
         return tally(
             self.plan(run_seed, episode),
             self.env,
-            cast=self.cast,
-            cast_seed=run_seed,
+            joint_policy=self.joint_policy,
+            policy_seed=run_seed,
             change=self.setup.change,
             contract=self.contract,
             on_step=on_step,
@@ -348,8 +348,8 @@ class OpenSetup:
         return perform(
             self.plan(run_seed, episode),
             self.env,
-            cast=self.cast,
-            cast_seed=run_seed,
+            joint_policy=self.joint_policy,
+            policy_seed=run_seed,
             change=change or self.setup.change,
             contract=self.contract,
             keep=EvidenceOptions(number=episode),
@@ -378,7 +378,7 @@ class OpenSetup:
 
     def _set(self) -> None:
         for agent, settings in self.setup.settings.items():
-            policy = self.cast.chosen_for(agent).policy
+            policy = self.joint_policy.chosen_for(agent).policy
             self._set_all(policy, settings, f"the policy of {agent}")
         for name, value in self.setup.layers.items():
             self._set_all(_layer_with(self.env, name), {name: value}, "the wrapper")
@@ -425,16 +425,19 @@ class SetupTraits:
     cuts: Mapping[str, int] = field(default_factory=dict)
 
 
-def traits_of(stage: OpenSetup, perturbations: Mapping[str, type[Intervention]]) -> SetupTraits:
+def traits_of(
+    open_setup: OpenSetup, perturbations: Mapping[str, type[Intervention]]
+) -> SetupTraits:
     """Traits of an opened set-up."""
-    env, knobs = stage.env, stage.contract.knobs
+    env, knobs = open_setup.env, open_setup.contract.knobs
     agents = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
     names = [name for name, knob in knobs.items() if knob.of == "policy"]
     by_object: dict[str, list[str]] = {}
     for agent in agents:
-        by_object.setdefault(stage.cast.object_of(agent), []).append(agent)
+        by_object.setdefault(open_setup.joint_policy.object_of(agent), []).append(agent)
     policies = {
-        tuple(sharers): stage.cast.chosen_for(sharers[0]).policy for sharers in by_object.values()
+        tuple(sharers): open_setup.joint_policy.chosen_for(sharers[0]).policy
+        for sharers in by_object.values()
     }
     settings = {
         sharers: {n: getattr(policy, n) for n in names if hasattr(policy, n)}
@@ -451,12 +454,12 @@ def traits_of(stage: OpenSetup, perturbations: Mapping[str, type[Intervention]])
         (name, agent): why
         for name, kind in perturbations.items()
         for agent in agents
-        if (why := kind.applies(stage.contract, env, agent)) is not None
+        if (why := kind.applies(open_setup.contract, env, agent)) is not None
     }
     resettable = [
         sharers for sharers, policy in policies.items() if callable(getattr(policy, "reset", None))
     ]
-    renewable = [sharers for sharers in policies if stage.cast.is_renewed(sharers[0])]
+    renewable = [sharers for sharers in policies if open_setup.joint_policy.is_renewed(sharers[0])]
     return SetupTraits(
         tuple(agents),
         REFERENCE in ways,
@@ -480,50 +483,50 @@ def _layer_with(env: Any, name: str) -> Any:
 
 
 class _Forgetful:
-    """A cast in which policies of some agents are reset before each of their decisions."""
+    """A joint policy in which policies of some agents are reset before each of their decisions."""
 
-    def __init__(self, cast: Any, agents: tuple[str, ...]) -> None:
-        self._cast, self._agents, self._seed = cast, frozenset(agents), 0
+    def __init__(self, joint_policy: Any, agents: tuple[str, ...]) -> None:
+        self._joint_policy, self._agents, self._seed = joint_policy, frozenset(agents), 0
 
     def begin(self, run_seed: int, episode: int) -> None:
         self._seed = episode_seed(run_seed, episode)
-        self._cast.begin(run_seed, episode)
+        self._joint_policy.begin(run_seed, episode)
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         self._forget(agent)
-        return self._cast.act(agent, observation, info)
+        return self._joint_policy.act(agent, observation, info)
 
     def asked(self, agent: Any, *given: Any, anew: bool) -> list[Any]:
         self._forget(agent)
-        return list(self._cast.asked(agent, *given, anew=anew))
+        return list(self._joint_policy.asked(agent, *given, anew=anew))
 
     def _forget(self, agent: Any) -> None:
         if agent_name(agent) in self._agents:
-            reset_policy(self._cast.chosen_for(agent).policy, self._seed)
+            reset_policy(self._joint_policy.chosen_for(agent).policy, self._seed)
 
 
 # -- a recorded episode in an opened set-up, ready to be played on
 
 
-def course_of(evidence: Evidence, stage: OpenSetup, number: int) -> RecordedCourse:
-    """The episode's course, once it has been replayed and is as it was recorded.
+def recorded_episode_of(evidence: Evidence, open_setup: OpenSetup, number: int) -> RecordedEpisode:
+    """The recorded episode, once it has been replayed and is as it was recorded.
 
     Args:
         evidence: full evidence of the run.
-        stage: its set-up, or one with other policies.
+        open_setup: its set-up, or one with other policies.
     Raises:
         EvidenceError: played by itself, the episode doesn't come out as it was recorded.
     """
-    _check_alone(evidence, stage.opened, number)
-    trace, header = evidence.episode(number), evidence.header(number)
-    return RecordedCourse(
-        play_of(trace, stage.env, evidence.manifest.get("action_types")),
-        stage.env,
-        stage.cast,
+    _check_alone(evidence, open_setup.opened, number)
+    episode, header = evidence.episode(number), evidence.header(number)
+    return RecordedEpisode(
+        play_of(episode, open_setup.env, evidence.manifest.get("action_types")),
+        open_setup.env,
+        open_setup.joint_policy,
         evidence.manifest.get("seed") or 0,
-        stage.contract,
-        stage.setup.most_turns,
-        dict(stage.setup.policies) == choices_in(header["policies"]),
+        open_setup.contract,
+        open_setup.setup.most_turns,
+        dict(open_setup.setup.policies) == choices_in(header["policies"]),
     )
 
 

@@ -6,8 +6,6 @@ import it would record again. An object's arguments are known where its class ke
 classes do, and Gymnasium's `EzPickle`; else the class's defaults are assumed, and a replay tells.
 """
 
-from __future__ import annotations
-
 import ast
 import inspect
 import json

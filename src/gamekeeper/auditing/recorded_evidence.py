@@ -1,7 +1,5 @@
 """Recorded evidence judged by every check that needs no rerun; nothing of it is executed."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -197,7 +195,7 @@ def _recorded(evidence: Evidence, contract: Contract, episodes: Iterable[Episode
     return ProbeEvidence(
         api=str((evidence.manifest.get("environment") or {}).get("api")),
         agents=agents,
-        looks={ROLLOUT: tuple(ProbeRun(traces=(each,)) for each in fair)},
+        looks={ROLLOUT: tuple(ProbeRun(episodes=(each,)) for each in fair)},
         not_exercised={} if fair else {ROLLOUT: none},
     )
 

@@ -1,7 +1,5 @@
 """A transform around an environment, for either of PettingZoo's interfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Endings with their owners, the horizon, agents that join and leave. Pure."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

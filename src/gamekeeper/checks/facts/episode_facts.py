@@ -1,7 +1,5 @@
 """Facts of the probes `rollout`, `evidence`, `order` and `alternatives`: whole plays."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,8 +4,6 @@ They know discrete actions, and observations that show every body. `reference` p
 as it is meant, `greedy` looks after itself alone, `lazy` does nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import permutations

@@ -1,7 +1,5 @@
 """A play once more, in a process of its own under another hash seed."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -28,7 +26,7 @@ from gamekeeper.rollouts.process_randomness import held
 from gamekeeper.rollouts.warm_worker import WarmWorker
 from gamekeeper.rollouts.workers import environment_of
 
-TASK: Final = "gamekeeper.auditing.elsewhere:play_task"
+TASK: Final = "gamekeeper.auditing.other_process:play_task"
 SILENCE_S: Final = 60.0
 HASH_SEEDS: Final = 8
 """Hash seeds that are looked at for one that puts sets of agents' names in another order."""
@@ -96,7 +94,7 @@ def played_elsewhere(
             "spec": session.spec,
             "kwargs": dict(session.kwargs),
             "contract": session.contract.to_json(),
-            "play": _on_paper(base.play),
+            "play": _script_of(base.play),
             "folder": folder,
             "instances": instance,
         }
@@ -104,8 +102,8 @@ def played_elsewhere(
         if not isinstance(outcome.value, dict):
             return None
         return replace(
-            base.trace,
-            header={**base.trace.header, **outcome.value},
+            base.episode,
+            header={**base.episode.header, **outcome.value},
             steps=_read(Path(folder, "steps")),
             states=_read(Path(folder, "states")),
             _cache={},
@@ -127,7 +125,7 @@ def play_task(
         with held():
             env = open_env(spec, **kwargs).env
             agents = {_name(agent): agent for agent in getattr(env, "possible_agents", ())}
-            again = _from_paper(play, agents)
+            again = _from_script(play, agents)
             played = perform(
                 again,
                 env,
@@ -137,13 +135,13 @@ def play_task(
             )
             with suppress(Exception, SystemExit):  # the play is what is asked for
                 env.close()
-    _write(Path(folder, "steps"), played.trace.steps)
-    if played.trace.states is not None:
-        _write(Path(folder, "states"), played.trace.states)
-    return {name: played.trace.header.get(name) for name in HEADER}
+    _write(Path(folder, "steps"), played.episode.steps)
+    if played.episode.states is not None:
+        _write(Path(folder, "states"), played.episode.states)
+    return {name: played.episode.header.get(name) for name in HEADER}
 
 
-def _on_paper(play: EpisodePlan) -> dict[str, Any]:
+def _script_of(play: EpisodePlan) -> dict[str, Any]:
     turns = [
         [[*_name(agent), *_text(action)] for agent, action in actions.items()]
         for actions in play.actions or ()
@@ -162,12 +160,12 @@ def _name(agent: Any) -> tuple[str, str]:
     return type(agent).__name__, agent_name(agent)
 
 
-def _from_paper(paper: Mapping[str, Any], agents: Mapping[tuple[str, str], Any]) -> EpisodePlan:
+def _from_script(script: Mapping[str, Any], agents: Mapping[tuple[str, str], Any]) -> EpisodePlan:
     turns = tuple(
         {agents.get((kind, name), name): _value(*text) for kind, name, *text in actions}
-        for actions in paper["turns"]
+        for actions in script["turns"]
     )
-    return EpisodePlan(paper["seed"], paper["stream"], turns, paper["most_turns"])
+    return EpisodePlan(script["seed"], script["stream"], turns, script["most_turns"])
 
 
 def _text(action: Any) -> tuple[str, bool]:

@@ -1,14 +1,13 @@
 """The game form as it was seen, beside what is declared. Pure."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.auditing.measure import comings, form, roles, trials
+from gamekeeper.auditing.measure import form, roles, roster_changes, trials
 from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
 from gamekeeper.auditing.measure.payments import payments
+from gamekeeper.checks.facts.episode_facts import OrderOutcome
 from gamekeeper.checks.facts.form_facts import (
     DrawnPriority,
     EpisodeShape,
@@ -16,7 +15,6 @@ from gamekeeper.checks.facts.form_facts import (
     MoveTrial,
     UnsettledMoves,
 )
-from gamekeeper.checks.facts.play_facts import OrderOutcome
 from gamekeeper.checks.facts.surface_facts import TimeLimits
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
@@ -49,7 +47,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
 
     The contract only says which agents are of one role; nothing is judged here.
     """
-    traces, api = evidence["rollout"], evidence.api
+    episodes, api = evidence["rollout"], evidence.api
     shapes = [fact.value for fact in evidence.facts(EpisodeShape)]
     moves, order = evidence.facts(MoveTrial), {} if evidence.blind else _order(evidence)
     within = trials.within_rounds(moves)
@@ -62,10 +60,10 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     turn_order = form.order_of_turns(shapes, [fact.value for fact in moves])
     play_order = _play_order(api, advised, turn_order, shapes)
     settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
-    by_role, paid = roles_of(contract, evidence), payments(traces, api)
+    by_role, paid = roles_of(contract, evidence), payments(episodes, api)
     # one reward for all is changed by every move: it doesn't show whose move came first
     is_joint = not paid.get("shared") and trials.contests(moves) >= roles.ALIKE
-    limit = comings.horizon(shapes)
+    limit = roster_changes.horizon(shapes)
     found = {
         "stages": form.stages(shapes, by_role, play_order),
         "order": play_order,
@@ -80,7 +78,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "near_limits": _near(limit, evidence),
         "symmetric": roles.symmetric(
             [] if settled is False else shapes,
-            [] if settled is False else traces,
+            [] if settled is False else episodes,
             {
                 name: agents
                 for name, agents in by_role.items()
@@ -89,9 +87,9 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
             _first_comes(within, ranked, play_order),
         ),
         "reward": {**paid, "pairs": trials.pairs(moves)},
-        "endings": {**form.endings(traces), "kinds": comings.kinds_of_endings(shapes)},
-        "may_join": comings.joined(shapes) if shapes else None,
-        "may_leave": comings.left(shapes) if shapes else None,
+        "endings": {**form.endings(episodes), "kinds": roster_changes.kinds_of_endings(shapes)},
+        "may_join": roster_changes.joined(shapes) if shapes else None,
+        "may_leave": roster_changes.left(shapes) if shapes else None,
         "influence": trials.influence(moves),
         "looked_ahead": trials.ahead(moves) or None,
         "advice": advised.api,

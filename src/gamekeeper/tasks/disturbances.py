@@ -8,8 +8,6 @@ A task stands on one of these (and on `MaskedTicks` behind it where its kernel h
 calls `disturb` at the end of its `__init__`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 

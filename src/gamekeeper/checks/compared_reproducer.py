@@ -1,7 +1,5 @@
 """Proofs that tell a play twice, as it is and with something meddled in, and compare the two."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer

@@ -1,7 +1,5 @@
 """Reward terms and endings that an author's rules name, read from the source of the class."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

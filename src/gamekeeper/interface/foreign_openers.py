@@ -1,7 +1,5 @@
 """Openers that begin with a word: `gymnasium:`, `jaxmarl:`, `openspiel:`."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import re

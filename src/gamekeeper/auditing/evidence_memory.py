@@ -1,7 +1,5 @@
 """Memory that evidence takes: episodes with images are fewer and shorter than others."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
@@ -39,7 +37,9 @@ def space_bytes(space: Any) -> int:
 
 def held_bytes(look: ProbeRun) -> int:
     """Bytes that the episodes of a run hold, those that share their rows counted once."""
-    tables = {id(table): table for trace in _traces(look) for table in (trace.steps, trace.states)}
+    tables = {
+        id(table): table for episode in _episodes(look) for table in (episode.steps, episode.states)
+    }
     return sum(table.nbytes for table in tables.values() if table is not None)
 
 
@@ -48,12 +48,12 @@ def slimmed(counterfactual: ProbeCounterfactual) -> ProbeCounterfactual:
     if counterfactual.volatile:  # these may differ where nothing else does
         return counterfactual
     base = counterfactual.base
-    unchanged_rerun, trace = counterfactual.unchanged_rerun, counterfactual.trace
+    unchanged_rerun, episode = counterfactual.unchanged_rerun, counterfactual.episode
     if counterfactual.noise is None:
         unchanged_rerun = _sharing(base, unchanged_rerun)
     if counterfactual.divergence is None:
-        trace = _sharing(base, trace)
-    return replace(counterfactual, unchanged_rerun=unchanged_rerun, trace=trace)
+        episode = _sharing(base, episode)
+    return replace(counterfactual, unchanged_rerun=unchanged_rerun, episode=episode)
 
 
 def _sharing(base: Episode, same: Episode) -> Episode:
@@ -62,7 +62,7 @@ def _sharing(base: Episode, same: Episode) -> Episode:
     return replace(same, steps=base.steps, states=base.states, _cache=base._cache)
 
 
-def _traces(look: ProbeRun) -> Iterator[Episode]:
-    yield from look.traces
+def _episodes(look: ProbeRun) -> Iterator[Episode]:
+    yield from look.episodes
     for counterfactual in look.counterfactuals:
-        yield from (counterfactual.base, counterfactual.unchanged_rerun, counterfactual.trace)
+        yield from (counterfactual.base, counterfactual.unchanged_rerun, counterfactual.episode)
