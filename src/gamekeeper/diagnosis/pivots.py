@@ -1,6 +1,7 @@
 """The front of pivots: a recorded run in, the turns that lost its failed episodes out."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from os import PathLike
 from typing import Any, Final
 
