@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
+from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import by_turn, changed_numbers
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
@@ -83,10 +83,10 @@ def truncations_lose_no_reward(contract: Contract, evidence: ProbeEvidence) -> C
 
 @check(
     "GK413",
-    HIGH,
+    MEDIUM,
     "influence",
     "rollout",
-    confidence=0.9,
+    confidence=0.8,
     looks_at="ten replaced actions that move a reward, in an environment whose steps almost all "
     "pay somebody",
 )
