@@ -172,7 +172,7 @@ def test_wrong_use_exits_2(capfd: pytest.CaptureFixture[str]) -> None:
     code, out, err = said(capfd, "audit", "nothing_here:make", "--budget", "100")
     assert (code, out) == (2, "")
     assert "SpecError" in err
-    code, _, err = said(capfd, "audit", LINE, "--select", "XX")
+    code, _, err = said(capfd, "audit", LINE, "--select", "GK402,XX")
     assert code == 2
     assert "no check is called 'XX'" in err
 

@@ -70,9 +70,10 @@ def command(
         seconds (--seconds S): Time after which the audit ends with what it knows by then, in
             seconds (default: no limit).
         seeds (--seeds N): Number of audits, each with its own seed: --seed and those after it.
-        select (--select ID): Run only checks whose ids begin with ID. Repeatable (default: all
-            checks).
-        ignore (--ignore ID): Skip checks whose ids begin with ID. Repeatable (default: none).
+        select (--select ID): Run only checks whose ids begin with ID, or with one of several with
+            commas. Repeatable (default: all checks).
+        ignore (--ignore ID): Skip checks whose ids begin with ID, or with one of several with
+            commas. Repeatable (default: none).
         out (--out FOLDER): Folder for audit.json, junit.xml, audit.sarif and a program for each
             finding (default: no files).
         strict (--strict): Exit with 2 if a check was not exercised, or is suspected.
@@ -85,8 +86,8 @@ def command(
         "budget": budget,
         "quick": quick,
         "seconds": seconds,
-        "select": select or (),
-        "ignore": ignore or (),
+        "select": _ids(select),
+        "ignore": _ids(ignore),
         "silence_s": timeout,
         "env_kwargs": json_object(kwargs, option="--kwargs"),
         "memory_mb": memory,
@@ -111,6 +112,11 @@ def command(
         screen.note(f"written to {out}: {', '.join(write_audit(out, document))}")
     show_verdict(screen, document)
     return CommandResult(document, audit_code(document, **exits) if code is None else code)
+
+
+def _ids(given: list[CheckId] | None) -> list[str]:
+    """Ids of a repeatable option, each of which may hold several with commas."""
+    return [each.strip() for text in given or () for each in text.split(",")]
 
 
 def _several(
