@@ -1,8 +1,7 @@
 """One play watched closely: what was given, done and paid at each turn, by agent.
 
 A track plays from a script where it has one: every agent does what it did at its own k-th decision,
-    and
-one of them may do otherwise. Where such an action isn't legal now, or the script has no more of
+and one of them may do otherwise. Where such an action isn't legal now, or the script has no more of
 them, the agent does its declared noop if that is legal, else the first legal action.
 """
 
@@ -110,7 +109,7 @@ class Swap:
 
 @dataclass(slots=True)
 class ActionTrack:
-    """A joint policy and a watch in one. What it has seen is in its fields.
+    """Policies of an episode and a watch over it in one; its fields hold what it has seen.
 
     Attributes:
         sees: also keeps what was given.
