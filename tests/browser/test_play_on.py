@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.diagnosis import play_on
-from gamekeeper.diagnosis.play_on import BranchPoint, Futures, Offered, PlayOnOptions
+from gamekeeper.diagnosis.plain_data import frozen
+from gamekeeper.diagnosis.play_on import BranchPoint, FutureArm, Futures, Offered, PlayOnOptions
 from gamekeeper.diagnosis.play_on_tasks import play_on_task
 from gamekeeper.runs.worker_errors import error_of
 from gamekeeper.viewing import interactive
@@ -31,7 +31,7 @@ def futures_here(run: Path, branch: BranchPoint, *, count: int, **options: Any) 
     """As `futures`, without a process of its own."""
     extra = {"numbers": list(range(count)), "budget": 9_999}
     answer = play_on_task(silent, kind="futures", **ordered(run, branch, **extra))
-    arms = [play_on._arm_of(answer[arm]) for arm in ("as_recorded", "changed")]
+    arms = [FutureArm(**frozen(answer[arm])) for arm in ("as_recorded", "changed")]
     return Futures(branch, count, answer["steps"], *arms)
 
 
