@@ -11,13 +11,14 @@ from os import PathLike
 from typing import Any, Final, Self
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.plain_data import frozen, plain
+from gamekeeper.diagnosis.plain_data import frozen
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndonePolicies
 from gamekeeper.episodes.canonical import from_json, is_exact, to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.episodes.plain_json import plain
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import Opened, open_env

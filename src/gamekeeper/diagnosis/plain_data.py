@@ -1,8 +1,9 @@
 """Results as plain data: every field by its name, whatever it holds as JSON has it."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
+
+from gamekeeper.episodes.plain_json import fields_json
 
 
 class PlainData:
@@ -12,17 +13,7 @@ class PlainData:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        every: Any = self
-        return {each.name: plain(getattr(self, each.name)) for each in fields(every)}
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON has it: lists for tuples, and the documents of results."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(each) for each in value]
-    return value.to_json() if hasattr(value, "to_json") else value
+        return fields_json(self)
 
 
 def frozen(value: Any) -> Any:

@@ -24,17 +24,18 @@ def finite(value: Any) -> Any:
 
 def fields_json(result: Any) -> dict[str, Any]:
     """The fields of a dataclass as plain data, each by its own `to_json` where it has one."""
-    return {each.name: _plain(getattr(result, each.name)) for each in fields(result)}
+    return {each.name: plain(getattr(result, each.name)) for each in fields(result)}
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """A value as JSON has it: lists for tuples, and the documents of results."""
     if hasattr(value, "to_json"):
         return value.to_json()
     if is_dataclass(value):
         return fields_json(value)
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+        return {str(key): plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 P = ParamSpec("P")

@@ -11,11 +11,12 @@ from typing import Any, Literal, TypeAlias, TypeVar
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, EpisodeActions, Swap
 from gamekeeper.diagnosis.open_setup import OpenSetup, Setup
-from gamekeeper.diagnosis.plain_data import frozen, plain
+from gamekeeper.diagnosis.plain_data import frozen
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.layout import role as role_in_name
+from gamekeeper.episodes.plain_json import plain
 from gamekeeper.errors import EnvError, PolicyError
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.interface.recorded_env import capture_of
