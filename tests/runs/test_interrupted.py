@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import signal
@@ -13,7 +14,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.errors import RunError
-from gamekeeper.rollouts.interrupts import HeldInterrupt
+from gamekeeper.rollouts.interrupts import HeldInterrupt, lost_interrupts_again
 from gamekeeper.runs.files.open_streams import finalize_recovered
 from gamekeeper.runs.files.store import RunStore
 from gamekeeper.runs.run_check import verify
@@ -189,3 +190,22 @@ def test_ctrl_c_is_left_to_whoever_handles_it() -> None:
         inside = threading.Thread(target=lambda: HeldInterrupt().__enter__())
         inside.start()
         inside.join()
+
+
+def test_interrupt_that_a_c_callback_loses_is_raised_again() -> None:
+    """Numba's compiler calls back into Python for seconds, where no exception gets through."""
+
+    @ctypes.CFUNCTYPE(None)
+    def callback() -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    def work() -> None:
+        callback()
+        threading.Event().wait(10.0)
+
+    undo = lost_interrupts_again()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            work()
+    finally:
+        undo()

@@ -22,6 +22,7 @@ from gamekeeper.cli._options import annotations_of, hidden
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli._stdout import claimed_stdout, open_standard_streams, silence
 from gamekeeper.errors import EnvError, GamekeeperError
+from gamekeeper.rollouts.interrupts import lost_interrupts_again
 
 PACKAGE: Final = "gamekeeper.cli"
 NAME: Final = "gamekeeper"
@@ -277,9 +278,11 @@ def _signals() -> Iterator[None]:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) == signal.SIG_DFL:
             before[number] = signal.signal(number, lambda *_: signal.raise_signal(signal.SIGINT))
+    undo = lost_interrupts_again()
     try:
         yield
     finally:
+        undo()
         for number, handler in before.items():
             signal.signal(number, handler)
 

@@ -1,11 +1,16 @@
-"""Ctrl-C held back over a few lines that must not be left half done."""
+"""Ctrl-C held back over a few lines that must not be left half done, and never lost."""
 
+import _thread
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Self
+from typing import Final, Self
+
+AGAIN_S: Final = 0.01
+"""Seconds after which a lost interrupt is raised again: its callback has returned by then."""
 
 
 class HeldInterrupt:
@@ -46,3 +51,31 @@ def noted_if_interrupted(known: Callable[[], list[str]]) -> Iterator[None]:
         for line in known():
             stopped.add_note(line)
         raise
+
+
+def _interrupt_main() -> None:
+    if sys.platform == "win32":
+        _thread.interrupt_main()
+    else:  # a signal of the system also ends a call that waits
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+
+def lost_interrupts_again() -> Callable[[], None]:
+    """Raises a KeyboardInterrupt again that a callback or a finalizer has lost; returns the undo.
+
+    Python can't raise through C code that calls back into it (Numba's compiler does so for
+    seconds), nor out of `__del__`: it prints the exception and goes on.
+    """
+    before = sys.unraisablehook
+
+    def hook(lost: "sys.UnraisableHookArgs") -> None:
+        if isinstance(lost.exc_value, KeyboardInterrupt):
+            threading.Timer(AGAIN_S, _interrupt_main).start()
+        else:
+            before(lost)
+
+    def undo() -> None:
+        sys.unraisablehook = before
+
+    sys.unraisablehook = hook
+    return undo

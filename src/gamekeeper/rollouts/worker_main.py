@@ -269,6 +269,7 @@ def perform(order: Mapping[str, Any], channel: Channel) -> bytes:
     process, memory_bytes = os.getpid(), order["memory_bytes"]
     lift = limit_memory(None)
     try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # until here it ends the process
         end_wait = _signs_while_importing(order["task"], channel)  # its stack isn't limited yet
         try:
             lift = limit_memory(memory_bytes)
@@ -374,7 +375,7 @@ def main() -> None:
     # at once: the only way where C code doesn't return, and in Python code now and then a crash.
     signal.signal(signal.SIGUSR1, lambda *_: faulthandler.dump_traceback(stacks_fd))
     faulthandler.register(signal.SIGUSR2, stacks_fd)
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # a job in the background ignores it
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     channel = Channel(channel_fd)
     order = channel.order()
@@ -383,6 +384,10 @@ def main() -> None:
         from gamekeeper.import_guard import ImportGuard, install
 
         install(ImportGuard(**order["guard"]))
+    if order["task"].startswith(OURS):
+        from gamekeeper.rollouts.interrupts import lost_interrupts_again
+
+        lost_interrupts_again()
     del sys.argv[1:]  # the task, or an environment that it imports, may parse them
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # by line: what was printed before a crash is worth having

@@ -123,7 +123,7 @@ def serve(report: Any, *, first: Mapping[str, Any], memory_bytes: int | None) ->
         report.write(perform({**order, "memory_bytes": memory_bytes}, report))
         # `perform` leaves Ctrl-C ignored. From here on it ends the process: either nothing is
         # played, or the next task was sent and hasn't begun.
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
         order = report.order()
 
 
