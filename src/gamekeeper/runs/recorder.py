@@ -95,7 +95,7 @@ def require_pillow() -> Any:
 # -- The recorder: a sink whose own thread hashes, compresses and writes, off the step path
 
 FLUSH_S: Final = 0.04  # at the latest what came is safe from a kill
-ENCODE_S: Final = 1.0  # at the latest it is encoded; until then it is in the journal
+ENCODE_S: Final = 4.0  # at the latest it is encoded; until then it is in the journal
 ENCODE_ROWS: Final = 8192
 ENCODE_BYTES: Final = 1 << 20
 FLUSH_TURNS: Final = 4096

@@ -2,7 +2,7 @@
 
 Making columns and digests of a few hundred rows costs 3 ms, whatever their number; writing them as
 they stand on the buffer costs 0.1 ms. So a recorder writes every 40 ms what came into this file,
-encodes once a second, and empties it then. While a run is open the file continues its segments.
+encodes every few seconds, and empties it then. While a run is open the file continues its segments.
 
 The file is a row of frames: length and CRC-32 of the content, 4 bytes each, little-endian, then the
 content as MessagePack, which holds data alone. The first frame says which columns the agents have.
