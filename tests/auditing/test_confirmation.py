@@ -362,6 +362,28 @@ def test_a_finding_tells_the_exception_that_its_program_shows() -> None:
 
 
 @pytest.mark.parametrize(
+    ("program", "shows"),
+    [
+        ("raise AssertionError('NaN')", (True, True)),
+        ("{}['agent_1']", (True, True)),
+        ("from gymnasium import spaces; spaces.Discrete(2).sample([True])", (True, True)),
+        ("import json; json.loads('{')", (False, True)),
+        ("import gone", (False, False)),
+    ],
+)
+def test_an_exception_of_the_environment_shows_an_exception_alone(
+    program: str, shows: tuple[bool, bool]
+) -> None:
+    """A value isn't shown by a play that is over before; what the program asks for is."""
+    with WarmWorker(()) as worker:
+        work = Confirmation([worker], lambda: None, None)
+        for actual, is_shown in zip(("NaN at [14]", "KeyError: 'agent_1'"), shows, strict=True):
+            finding = Finding("here", "a number", actual, "", program)
+            found = work.finding(Programs(finding, program, compares=False, unchanged=""))
+            assert found[2] is is_shown
+
+
+@pytest.mark.parametrize(
     ("line", "file"), [("np.testing.assert_equal(1, 2)", ""), ("json.loads('{')", "decoder.py")]
 )
 def test_a_comparison_by_numpy_is_the_programs_own(line: str, file: str) -> None:

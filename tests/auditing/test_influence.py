@@ -13,6 +13,7 @@ from gamekeeper.checks.rewards.reward_delay import rewards_come_with_the_tick_th
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.where import Where
 from tests.auditing.small_games import Grab
+from tests.auditing.sound_games import Table
 from tests.faults.payers import Pursuit
 from tests.faults.ticks import HANDS_CONTRACT, Hands
 
@@ -128,6 +129,50 @@ def test_rewards_after_the_moves_are_kept() -> None:
 def test_slow_rules_are_no_late_reward() -> None:
     """A position that follows a push a tick later moves the reward later too, and is right."""
     assert verdict(Sled, "GK411").outcome == "passed"
+
+
+class Bids(Table):
+    """An auction: who folds pays at once and leaves, the last one has what it bid for."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Nothing is bid."""
+        super().reset(seed, options)
+        self.price, self.holder = 0.0, None
+        self.values = {a: float(self.rng.uniform(0.2, 0.9)) for a in self.agents}
+
+    def observe(self, agent: Any) -> Any:
+        """The own value and the price."""
+        return np.array([self.values[agent], self.price])
+
+    def step(self, action: Any) -> None:
+        """Folds by 0; else bids more."""
+        agent, ended = self.agent_selection, self.terminations
+        if ended[agent]:
+            self._was_dead_step(action)
+            return
+        self._cumulative_rewards[agent] = 0.0
+        self._clear_rewards()
+        following = self.next_bidder(agent)
+        if action > 0:
+            self.price, self.holder = self.price + 0.05 * int(action), agent
+        elif self.holder != agent:
+            ended[agent], self.rewards[agent] = True, -0.1
+            if self.next_bidder(following) == following:
+                ended[following] = True
+                self.rewards[following] = self.values[following] - self.price
+        self.agent_selection = following
+        self._accumulate_rewards()
+        self._deads_step_first()
+
+    def next_bidder(self, agent: Any) -> Any:
+        """The next one that hasn't folded."""
+        there = [a for a in self.agents if a == agent or not self.terminations[a]]
+        return there[(there.index(agent) + 1) % len(there)]
+
+
+def test_what_an_agent_pays_as_it_leaves_is_on_time() -> None:
+    """A fold ends its bidder, who has one look left: it counts beside bids that matter later."""
+    assert verdict(partial(Bids, ("a", "b", "c", "d")), "GK411", budget=2_000).outcome == "passed"
 
 
 def test_a_game_that_pays_nothing_is_not_exercised() -> None:

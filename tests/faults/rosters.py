@@ -6,6 +6,7 @@ from typing import Any
 
 from tests.faults import faulty
 from tests.faults.rovers import Rovers
+from tests.faults.traders import Traders
 
 
 @faulty("GK101")
@@ -192,6 +193,20 @@ class NoInfosAtReset(Rovers):
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """Has nothing to say."""
         return super().reset(seed, options)[0], {}
+
+
+# What last() reads is gone, so that the loop over agents ends in a KeyError.
+@faulty("GK109", also=("GK527",))
+class InfosOfOneTrader(Traders):
+    """Infos are made anew by each settlement, with the entry of one trader.
+
+    Written for the one that is to act.
+    """
+
+    def settle(self) -> None:
+        """Forgets the infos of all others."""
+        super().settle()
+        self.infos = {self.agent_selection: {}}
 
 
 # Without two flags by agent nobody is told to have ended.

@@ -112,6 +112,18 @@ class SeedZero(Tokens):
         super().reset(seed or None, options)
 
 
+@faulty("GK605")
+class LaterSeedZero(Tokens):
+    """Seed 0 is taken for no seed in an instance that was used before.
+
+    Asks whether the seed is true, or whether there is no generator yet.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """0 goes on drawing."""
+        super().reset(seed if seed or self.rng is None else None, options)
+
+
 @faulty("GK606")
 class FirstSeedOnly(Traders):
     """Only the first seed of an instance is obeyed.

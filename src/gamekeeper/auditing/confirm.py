@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from gamekeeper.auditing.holds import AS_DRAWN, HOLDS, OF_DRAWS, Hold, held_still
@@ -24,14 +25,19 @@ AT_ONCE: Final = 2
 """Programs that run beside each other."""
 NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundError")
 """Exceptions of a program that can't run at all; they show nothing of the environment."""
+SPACES: Final = str(Path("gymnasium", "spaces"))
+"""Part of the path of Gymnasium's spaces, which refuse by an exception."""
 EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception)):")
 """The class of an exception in the words of a finding."""
+IS_EXCEPTION: Final = re.compile(r"(Error|Exception|\braise[sd])\b")
+"""Words of a finding that is an exception."""
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
 NOT_RUN: Final = "the audit ended before its reproducer was run"
 UNSTABLE: Final = "its reproducer fails without the trigger too: the same play differs by itself"
 
 
-ProgramEnd: TypeAlias = Literal["passed", "failed", "not run"]
+ProgramEnd: TypeAlias = Literal["passed", "failed", "raised", "not run"]
+"""`raised`: by an exception of the environment's, not by what the program looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +79,20 @@ class Confirmation:
         """Tells whether the time is spent."""
         return self.until_s is not None and time.monotonic() > self.until_s
 
-    def failures(self, program: str) -> tuple[int, int]:
-        """Numbers of processes that failed and that were tried, up to the first that passed.
+    def failures(self, program: str, *, names_exception: bool = False) -> tuple[int, int]:
+        """Numbers of processes that showed the fault and that were tried, up to one that didn't.
 
+        Args:
+            program: the reproducer.
+            names_exception: the finding is an exception, so that one of the environment's shows it.
         Raises:
             TimeUpError: the time was over before that many had ended.
         """
         failed = tried = 0
         for ends in self._rounds(program):
-            failed, tried = failed + ends.count("failed"), tried + len(ends)
-            if set(ends) != {"failed"}:
+            showing = sum(end == "failed" or (names_exception and end == "raised") for end in ends)
+            failed, tried = failed + showing, tried + len(ends)
+            if showing < len(ends):
                 break
         return failed, tried
 
@@ -127,9 +137,10 @@ class Confirmation:
         A shrunk program that passes by chance gives way to the whole episode.
         """
         finding, unchanged = each.finding, None
-        failed, tried = self.failures(finding.reproducer)
+        is_exception = IS_EXCEPTION.search(finding.actual) is not None
+        failed, tried = self.failures(finding.reproducer, names_exception=is_exception)
         if failed < tried and each.whole != finding.reproducer:
-            again = self.failures(each.whole)
+            again = self.failures(each.whole, names_exception=is_exception)
             if again[0] == again[1]:
                 (failed, tried), finding = again, replace(finding, reproducer=each.whole)
         is_shown = failed == tried
@@ -165,7 +176,8 @@ def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
     raised, text, at = (outcome.value[name] for name in ("raised", "text", "at"))
     if raised is None:
         return "passed", "", ""
-    end: ProgramEnd = "not run" if raised in NOT_SHOWN else "failed"
+    end: ProgramEnd = "raised" if at and SPACES not in at else "failed"
+    end = "not run" if raised in NOT_SHOWN else end
     return end, at and f"{at} {raised}: {text}", " ".join(outcome.value["told"].split())
 
 

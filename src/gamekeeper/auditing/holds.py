@@ -549,6 +549,7 @@ HOLDS: Final = {
     "GK107": Hold(
         "entries that agents in the game lack added", missing_held, ("GK221", "GK403", "GK527")
     ),
+    "GK109": Hold("entries that agents in the game lack added", missing_held, ("GK527",)),
     "GK106": Hold(
         "entries of agents that aren't in the game deleted",
         entries_held,

@@ -96,21 +96,23 @@ def special_seeds(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `SpecialRefused`, `PlainSeed`.
     """
-    one, two = _twice(session, play)
-    change = {"change": "nothing", "seed": play.seed}
+    one, two, is_used = _twice(session, play)
+    change = {"change": "nothing", "seed": play.seed, "is_used": is_used}
     yield session.beside(one.episode, one.episode, two.episode, change)
     is_refused = one.failed is not None and one.failed.call == "reset"
     if one.failed is not None and is_refused:
         yield session.fact(SpecialRefused(f"{one.failed.kind}: {one.failed.text}"))
     if is_refused or _parts(session, one, two):
-        plain, again = _twice(session, replace(play, seed=PLAIN, actions=None))
+        plain, again, _ = _twice(session, replace(play, seed=PLAIN, actions=None))
         is_same = not _parts(session, plain, again)
         raises = plain.failed is not None and plain.failed.call == "reset"
         yield session.fact(PlainSeed(is_same and not raises))
 
 
-def _twice(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, EpisodeResult]:
+def _twice(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, EpisodeResult, bool]:
     """The play, and another one of it that differs because of its seed, where one does.
+
+    The last tells whether it is of a used instance.
 
     What differs only in a used instance is the seed's doing where plays without a seed go the same
     way; else it is what the last play left.
@@ -122,14 +124,14 @@ def _twice(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, Epi
     while len(used) < AGAIN and not _parts(session, one, used[-1]):
         used.append(_played(session, script, env))
     if len(used) == 1 or not _parts(session, one, used[-1]):
-        return one, used[-1]
+        return one, used[-1], len(used) > 1
     if not _parts(session, used[-1], _unseeded(session, script, len(used))):
-        return one, used[-1]
+        return one, used[-1], True
     for _ in range(AGAIN):
         again = _fresh(session, script)[0]
         if _parts(session, one, again):
             break
-    return one, again
+    return one, again, False
 
 
 def _unseeded(session: ProbeSession, script: EpisodePlan, count: int) -> EpisodeResult:

@@ -165,7 +165,11 @@ def _is_part_late(trials: list[_Trial]) -> bool:
 
 
 def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _Trial | None:
-    """Effect of the action on its agent's rewards and observations; None: not long enough."""
+    """Effect of the action on its agent's rewards and observations; None: not long enough.
+
+    An action that ends its agent moves a reward in the one look that is left, or in none: what
+    comes at once counts all the same.
+    """
     agent, start = str(counterfactual.change["agent"]), int(counterfactual.change["turn"])
     noise = counterfactual.noise
     end = None if noise is None else (noise.turn or 0)
@@ -180,18 +184,21 @@ def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _
         ]
         pairs = list(zip(*(each[:2] for each in own), strict=False))
     looks = [(one, two) for one, two in pairs if one is not None and two is not None]
-    if len(looks) < 2:
-        return None
     if part is None:
         received = [[turn.cumulative_reward for turn in pair] for pair in looks]
     else:
-        received = [[_paid(turns[start + k], part) for turns in (base, changed)] for k in (0, 1)]
+        received = [
+            [_paid(turns[start + k], part) for turns in (base, changed)] for k in range(len(looks))
+        ]
     found = [one.get(agent, 0.0) != two.get(agent, 0.0) for one, two in received]
     first = found.index(True) if any(found) else None
-    prompt, late = (changed_numbers(*(t.observations.get(agent) for t in pair)) for pair in looks)
-    step = [_paid(turns[start], part) for turns in (base, changed)]
-    names = step[0].keys() | step[1].keys()
-    others = any(step[0].get(name, 0.0) != step[1].get(name, 0.0) for name in names)
+    step = [_paid(turns[start], part) for turns in (base, changed) if start in turns]
+    names = {name for paid in step for name in paid}
+    others = len({tuple(paid.get(name, 0.0) for name in sorted(names)) for paid in step}) > 1
+    if len(looks) < 2 and first != 0 and not others:
+        return None
+    shown = [changed_numbers(*(t.observations.get(agent) for t in pair)) for pair in looks]
+    prompt, late, *_ = *shown, frozenset[int](), frozenset[int]()
     return _Trial(counterfactual, first, others, prompt, late)
 
 

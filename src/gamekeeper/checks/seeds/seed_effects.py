@@ -193,7 +193,9 @@ def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
         plain, refused = look.fact(PlainSeed), look.fact(SpecialRefused)
         for counterfactual in look.counterfactuals:
             seed = counterfactual.change["seed"]
-            proof = _seed_zero_proof(evidence.api, seed, told_of(contract, counterfactual))
+            is_used = bool(counterfactual.change["is_used"])
+            tells = told_of(contract, counterfactual)
+            proof = _seed_zero_proof(evidence.api, seed, tells, is_used=is_used)
             if plain is None:
                 yield Case(whole(counterfactual), True, SAME, SAME)
             elif plain.value.is_fine and refused is not None:
@@ -209,10 +211,12 @@ def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
 PLAIN_SEED: Final = 12345
 
 
-def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
-    plain = f"play(make(), seed={PLAIN_SEED})"
-    unchanged = (f"alike({plain}, {plain})",)
-    return program(api, *_repeated(f"play(make(), seed={seed})"), tells=tells, unchanged=unchanged)
+def _seed_zero_proof(api: str, seed: int, tells: frozenset[str], *, is_used: bool) -> Reproducer:
+    env, begin = ("env", ("env = make()",)) if is_used else ("make()", ())
+    plain = f"play({env}, seed={PLAIN_SEED})"
+    unchanged = (*begin, f"alike({plain}, {plain})")
+    lines = *begin, *_repeated(f"play({env}, seed={seed})")
+    return program(api, *lines, tells=tells, unchanged=unchanged)
 
 
 @check(
