@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from gamekeeper.diagnosis.failure_causes import scope_answer
-from gamekeeper.diagnosis.judgement import EITHER, ScopeFinding, is_failing, judged, recovered
+from gamekeeper.diagnosis.judgement import (
+    EITHER,
+    ScopeFinding,
+    _labels,
+    is_failing,
+    judged,
+    recovered,
+)
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined, over_undos, undone
 from gamekeeper.diagnosis.undos import BoundaryUndo
 
@@ -181,3 +188,35 @@ def test_what_was_not_tried_is_said_before_unexplained() -> None:
     assert why.startswith("not tried: 88 of 88 undos from outside; of what was, no ideal")
     experiment.not_played = []
     assert scope_answer(experiment, "team", None) == answer
+
+
+def test_pairs_that_restore_at_either_boundary_have_both_labels() -> None:
+    """A label is open only while the other boundary of that agent has no undo that restores."""
+    mirrored = {
+        agent: undone(BoundaryUndo((agent,), "mirror field", (0,)), open_as="") for agent in "ab"
+    }
+    turned = {
+        agent: undone(BoundaryUndo((agent,), "exchange actions", (0, 0, 1)), open_as=EITHER)
+        for agent in "ab"
+    }
+    both = joined([mirrored["a"], mirrored["b"]]), joined([mirrored["a"], turned["b"]])
+    failing = {part: share(0.0) for pair in both for part in pair.parts}
+    answer = judged(
+        share(0.0), {**failing, **{pair: share(1.0) for pair in both}}, rng=np.random.default_rng(0)
+    )
+    assert (answer.answer, answer.labels) == ("ambiguous", ("perception", "control"))
+    alone = judged(share(0.0), {**failing, both[1]: share(1.0)}, rng=np.random.default_rng(0))
+    assert (alone.answer, alone.labels) == ("joint", ("perception",))
+
+
+def test_different_gains_leave_the_label_of_an_action_open_too() -> None:
+    """What is observed or what is done, multiplied, does alike: neither is shown to be wrong."""
+    twice, tenfold = (undone(BoundaryUndo(("a",), "rescale fields", (), by)) for by in (2.0, 10.0))
+    stronger = undone(BoundaryUndo(("a",), "rescale axes", (), 2.0))
+    assert _labels([stronger]) == ("control",)
+    assert _labels([stronger, twice]) == ()
+    assert _labels([stronger, twice, tenfold]) == ()
+    half, tenth = (undone(BoundaryUndo(("a",), "rescale fields", (), by)) for by in (0.5, 0.1))
+    weaker = undone(BoundaryUndo(("a",), "rescale axes", (), 0.5))
+    assert _labels([weaker, half]) == ("perception", "control")
+    assert _labels([weaker, half, tenth]) == ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,11 +17,15 @@ from gamekeeper.diagnosis.counterfactuals import _acted, _action_text, _place
 from gamekeeper.diagnosis.experiment import Experiment
 from gamekeeper.diagnosis.judgement import _labels, is_any_exchange, is_any_scale
 from gamekeeper.diagnosis.open_setup import Setup
+from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import (
     action_undos,
     call_undos,
+    candidates_of,
+    is_either,
     is_known_range,
+    is_unmoved,
     observation_undos,
     shift_undos,
 )
@@ -256,8 +261,8 @@ def test_constants_are_added_by_parts_of_the_recorded_span_and_have_no_label() -
     by_field = [[one.amount for one in tried if one.names == (each.name,)] for each in fields]
     factors = [0.5, 2.0, 0.1, 10.0]
     shifts = [0.36, -0.36, 0.63, -0.63, 0.18, -0.18, 1.1, -1.1]
-    assert by_field == [[*shifts, *factors], [1, -1, 2, -2]]
-    assert len(tried) == 24
+    assert by_field == [[*shifts, *factors], [1, -1, 2, -2, 1, -1]]
+    assert len(tried) == 26
     deaf = frozenset(each.name for each in fields)
     assert len(list(shift_undos(("a",), fields, deaf, axes, own))) == 8
     (shown,), _ = passed(tried[12], space, Discrete(2), {"far": np.float32([4]), "near": 3})
@@ -270,6 +275,83 @@ def test_constants_are_added_by_parts_of_the_recorded_span_and_have_no_label() -
     assert str(tried[0]) == "adding 0.36 to field far of a's observation"
     assert undone(tried[0]).labels == ()
     assert undone(tried[0]).shown == "a constant offset in what a observes, aims at or does"
+
+
+def test_an_observed_number_of_a_thing_is_shifted_in_a_circle_and_has_no_label() -> None:
+    """An index that is one off: the last one goes on at the first, which no constant does."""
+    space = Dict({"table": Discrete(3, start=1), "far": Discrete(50)})
+    fields = observed_fields(Contract(), "a", space)
+    own = [{"table": 1 + at % 3, "far": at} for at in range(9)]
+    tried = [undo for _, undo in shift_undos(("a",), fields, frozenset(), (), own)]
+    circles = [undo for undo in tried if undo.way == "shift values"]
+    assert [(each.names, each.amount) for each in circles] == [
+        (("field table",), 1),
+        (("field table",), -1),
+    ]
+    shown, _ = passed(circles[1], space, Discrete(2), *own[:3])
+    assert [each["table"] for each in shown] == [3, 1, 2]
+    assert str(circles[1]) == "shifting values of field table of a's observation by -1"
+    assert undone(circles[1]).labels == ()
+
+
+def test_numbers_of_one_vector_are_multiplied_together() -> None:
+    """Velocities in other units are two numbers; a factor of one of them makes up for nothing."""
+    space = Dict({"all": Box(-2.0, 2.0, (4,)), "aim": Box(-9.0, 9.0, (3,))})
+    fields = observed_fields(Contract(), "a", space)
+    assert len(fields) == 7
+    own = [{"all": np.full(4, x, np.float32), "aim": np.ones(3)} for x in (0.1, 0.2)]
+    tried = [undo for _, undo in shift_undos(("a",), fields, frozenset(), (), own)]
+    together = [undo for undo in tried if len(undo.places) > 1 and undo.amount == 0.1]
+    pairs = [fields[undo.places[0]].part.path == ("all",) for undo in together]
+    assert (len(together), sum(pairs)) == (7, 4)
+    (speed,) = (undo for undo in together if undo.names == (fields[-2].name, fields[-1].name))
+    (shown,), _ = passed(speed, space, Discrete(2), own[0])
+    assert [shown["aim"].tolist(), shown["all"][2:].tolist()] in (
+        [[1, 1, 1], pytest.approx([0.01, 0.01])],
+        [[1, 0.1, 0.1], pytest.approx([0.1, 0.1])],
+    )
+    assert str(speed).startswith("multiplying fields ")
+    assert undone(speed).labels == ()
+
+
+def test_mirrored_values_leave_open_which_boundary_misreads_them() -> None:
+    """Of other values only one pair is exchanged: a mirror of four or more could be at either."""
+
+    def is_open(way: Any, seen: Space[Any], done: Space[Any]) -> bool:
+        named: Any = SimpleNamespace(env=Spaces(seen, done), contract=Contract())
+        return is_either(named, BoundaryUndo(("a",), way, (0,)))
+
+    few, many, real = Discrete(3), Discrete(6), Box(-1.0, 1.0, (1,))
+    assert is_open("mirror axis", Discrete(5), many)
+    assert not is_open("mirror axis", few, many)
+    assert not is_open("mirror axis", Discrete(5), few)
+    assert not is_open("mirror axis", real, many)
+    assert is_open("mirror field", Discrete(5), many)
+    assert not is_open("mirror field", Discrete(7), many)  # more values than it has actions
+    assert not is_open("mirror field", real, many)
+
+
+def test_a_policy_that_reacts_to_nothing_is_shown_other_fields_and_other_scales() -> None:
+    """It may be waiting for what it never sees; a constant in place of another shows nothing."""
+    box = Box(-1.0, 1.0, (3,), np.float64)
+    chosen = SimpleNamespace(name="pilots.py:a", version="1")
+    joint_policy = SimpleNamespace(chosen_for=lambda agent: chosen)
+    named: Any = SimpleNamespace(
+        env=Spaces(box, box), contract=Contract(), joint_policy=joint_policy
+    )
+    deaf = tuple(f"field {at}" for at in range(3))
+    unmoved = ResponseTest(60, 0, True, 0.0, {}, 0, deaf, dict.fromkeys(deaf, 0.0), 0.0)
+    ways = [(one.way, one.places) for one in candidates_of(named, {"a": unmoved}, ["a"])]
+    assert {way for way, _ in ways} == {
+        "hold",
+        "exchange fields",
+        "rescale fields",
+        "normalize fields",
+    }
+    assert ("exchange fields", (0, 2)) in ways
+    assert is_unmoved(["a"], {"a": unmoved})
+    assert not is_unmoved(["a"], {"a": replace(unmoved, reactions=1)})
+    assert not is_unmoved(["a"], {})
 
 
 def test_an_undo_of_one_agent_goes_before_that_of_several_and_before_a_whole_policy() -> None:

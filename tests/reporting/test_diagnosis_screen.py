@@ -24,6 +24,11 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     assert any(line.startswith("Who        giver_0 (isolated;") for line in lines)
     assert any(line.startswith("Undone by  latency[giver_0] = 0") for line in lines)
     assert any("gamekeeper pivots runs/x --episode 0" in line for line in lines)
+    given = {"--policy": ["a=x", "b=y z"], "--seed": 3, "--env": None, "--allow-import": True}
+    typed = diagnosis_screen({**document, "run": "runs/x"}, width=80, options=given)
+    words = "--policy a=x --policy 'b=y z'"
+    assert f"pivots runs/x --episode 0 {words} --allow-import   #" in typed
+    assert f"diagnose runs/x {words} --seed 3 --allow-import --all" in typed
     assert "Not named  receiver_0 (no cause found in what was tried)" in lines
     assert any(line.startswith("How sure   success rate from 0% to ") for line in lines)
 
@@ -46,3 +51,28 @@ def test_screen_says_what_is_striking_where_no_agent_alone_is_named() -> None:
     text = diagnosis_screen({**document, "responses": {"a_0": plain, "b_0": deaf}}, width=80)
     assert "Noted      b_0 reacts to no change" in text
     assert "a_0 reacts" not in text
+
+
+def test_screen_shows_a_change_of_each_label_that_it_names_and_counts_the_rest() -> None:
+    """A label whose change came fourth would stand there without one."""
+    tests = [
+        {
+            "label": label,
+            "intervention": f"change {at}",
+            "restores": True,
+            "effect": 1.0,
+            "low": 0.9,
+        }
+        | {"high": 1.0, "p": 0.0, "n": 64}
+        for at, label in enumerate(["perception"] * 4 + ["control"])
+    ]
+    names = [each["intervention"] for each in tests]
+    one = {"answer": "ambiguous", "labels": ["perception", "control"], "component": "either"}
+    one |= {"tested": tests, "substitutes": names, "why": "", "success": None, "beside": []}
+    document = {"agents": {"a": one}, "team": None, "run": "memory", "counterfactuals": []}
+    document |= {"not_played": [], "conditions": {}, "episodes": 9, "reused": 0, "seed": 0}
+    document |= {"most_episodes": 9, "budget": None, "steps": 9, "contradictions": {}}
+    lines = diagnosis_screen(document, width=80).splitlines()
+    start = lines.index("Undone by  change 0")
+    shown = [line.strip() for line in lines[start + 1 : start + 4]]
+    assert shown == ["change 4", "change 1", "and 2 more"]

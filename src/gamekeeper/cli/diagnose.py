@@ -93,8 +93,7 @@ def command(
     folder = out or beside(run, "diagnosis" if good is None else "compared")
     opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
     if shrink is not None:
-        opening["out"] = folder / f"shrunk-{shrink}"
-        return _shrunk(screen, run, shrink, contract=contract, **opening)
+        return _shrunk(screen, run, shrink, folder, contract=contract, **opening)
     with (
         players_of(executor, workers_of(workers), asked=workers) as players,
         screen.progress("diagnosing") as take,
@@ -118,9 +117,35 @@ def command(
             on_message=take,
         )
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
-    screen.show(_text(found.to_json(), screen.width, run, folder if all_ else None))
+    kept = _options(contract, env, policy, try_, expected, part, seed, out, allow_import)
+    screen.show(_text(found.to_json(), screen.width, run, folder if all_ else None, kept))
     _save(screen, found, run, save_case, condition)
     return CommandResult(found.to_json(), diagnosis_code(found))
+
+
+def _options(
+    contract: Path | None,
+    env: str | None,
+    policy: list[str] | None,
+    try_: list[str] | None,
+    expected: float,
+    part: float,
+    seed: int,
+    out: Path | None,
+    allow_import: bool,
+) -> dict[str, Any]:
+    """Options that the lines to paste keep, by their names; None for those at their defaults."""
+    return {
+        "--contract": contract,
+        "--env": env,
+        "--policy": policy,
+        "--try": try_,
+        "--expected": expected if expected != EXPECTED else None,
+        "--part": part if part != PART else None,
+        "--seed": seed or None,
+        "--out": out,
+        "--allow-import": allow_import,
+    }
 
 
 def workers_of(workers: int | None) -> int:
@@ -128,7 +153,9 @@ def workers_of(workers: int | None) -> int:
     return (os.cpu_count() or 1) if workers is None else workers
 
 
-def _text(document: dict[str, Any], width: int, run: Path, folder: Path | None) -> str:
+def _text(
+    document: dict[str, Any], width: int, run: Path, folder: Path | None, options: dict[str, Any]
+) -> str:
     """The answer on one screen; everything, with the place of recordings, where there is one.
 
     Below it the recorded actions of `run` that are out of their space.
@@ -137,7 +164,7 @@ def _text(document: dict[str, Any], width: int, run: Path, folder: Path | None) 
     from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
     if folder is None:
-        return diagnosis_screen(document, width=width) + outside_space(run, width)
+        return diagnosis_screen(document, width=width, options=options) + outside_space(run, width)
     runs = f"\n\nRecordings  {folder / 'runs'}" if document["runs"] else ""
     return diagnosis_text(document, width=width) + runs + outside_space(run, width)
 
@@ -195,11 +222,12 @@ def _save(screen: Screen, found: Any, run: Path, path: Path | None, failed: str 
 
 
 def _shrunk(
-    screen: Screen, run: Path, episode: int, *, contract: Path | None, out: Path, **options: Any
+    screen: Screen, run: Path, episode: int, folder: Path, *, contract: Path | None, **options: Any
 ) -> CommandResult:
     from gamekeeper.contract import Contract
     from gamekeeper.diagnosis.shortest_failure import shrunk
 
+    out = folder / f"shrunk-{episode}"
     declared = None if contract is None else Contract.load(contract)
     with screen.progress("shrinking") as take:
         found = shrunk(run, episode, contract=declared, out=out, on_message=take, **options)

@@ -324,16 +324,28 @@ def _of_singles(
     success: tuple[float, float, float],
     skipped: Sequence[IdealSubstitute],
 ) -> ScopeFinding:
-    substitutes = _with_peers([one.substitute for one in least], tried)
-    if len({one.component for one in substitutes}) > 1:  # then the other boundary has its undo
-        substitutes = tuple(
-            replace(one, open_as="") if one.open_as == EITHER else one for one in substitutes
-        )
+    substitutes = _at_both(_with_peers([one.substitute for one in least], tried))
     # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     answer, why = _answer_of(substitutes, rivals, tried)
     labels = _labels((*substitutes, *rivals))
     return ScopeFinding(answer, labels, substitutes, tried, success, why)
+
+
+def _at_both(substitutes: Sequence[IdealSubstitute]) -> tuple[IdealSubstitute, ...]:
+    """The same; a place of a fault stays no longer open where both boundaries have an undo."""
+    touched: dict[tuple[str, ...], set[str]] = {}
+    for one in substitutes:
+        for leaf in one.leaves:
+            touched.setdefault(leaf.agents, set()).add(leaf.component)
+
+    def told(one: IdealSubstitute) -> IdealSubstitute:
+        if one.parts:
+            return replace(one, parts=tuple(map(told, one.parts)))
+        is_told = one.open_as == EITHER and {PERCEPTION, CONTROL} <= touched[one.agents]
+        return replace(one, open_as="") if is_told else one
+
+    return tuple(map(told, substitutes))
 
 
 def _answer_of(
@@ -404,6 +416,8 @@ def _undone_by(substitutes: Sequence[IdealSubstitute]) -> str:
         )
     if substitutes[0].open_as == OR_DRAWN:
         return f"{why}: it is {substitutes[0].shown}; an action that is held also hides draws"
+    if substitutes[0].open_as == POLICY:
+        return f"{why}, as it reacts to nothing without; which part of it can't be told apart"
     if substitutes[0].open_as:
         return (
             f"{why}: it is {substitutes[0].shown}; no undo of the other boundary that was tried "
@@ -480,7 +494,7 @@ def _of_pairs(
     least: Sequence[Tried], tried: tuple[Tried, ...], success: tuple[float, float, float]
 ) -> ScopeFinding:
     """Pairs restore, and neither of their parts does."""
-    substitutes = tuple(one.substitute for one in least)
+    substitutes = _at_both([one.substitute for one in least])
     labels = _labels(substitutes)
     names = "; ".join(substitute.name for substitute in substitutes)
     if len(substitutes) == 1:
@@ -510,11 +524,13 @@ def is_any_exchange(substitutes: Sequence[IdealSubstitute]) -> bool:
 
 
 def _labels(substitutes: Any) -> tuple[str, ...]:
+    every = tuple(substitutes)
     if is_any_exchange(substitutes):
         substitutes = [one for one in substitutes if one.undo is None or one.undo.way != EXCHANGE]
     if is_any_scale(substitutes):
-        substitutes = [one for one in substitutes if one.undo is None or one.undo.way not in SCALES]
-    named = {label for one in substitutes if not _is_open(one, substitutes) for label in one.labels}
+        scales = (*SCALES, "rescale axes")
+        substitutes = [one for one in substitutes if one.undo is None or one.undo.way not in scales]
+    named = {label for one in substitutes if not _is_open(one, every) for label in one.labels}
     return tuple(label for label in LABELS if label in named)
 
 

@@ -37,7 +37,7 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
-SHIFTS: Final = ("shift field", "shift axis")
+SHIFTS: Final = ("shift field", "shift axis", "shift values")
 PIXELS: Final = 255.0
 """A factor of an observation that is one of units, of pixels."""
 COMPONENTS: Final = (*LABELS, POLICY, MEMORY, CARRIED, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)

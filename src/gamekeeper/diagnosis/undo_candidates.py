@@ -4,9 +4,9 @@ Response tests leave out what they contradict: a lag that wasn't measured isn't 
 which a policy is deaf aren't exchanged, and one that reacts to nothing misreads nothing.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
@@ -38,6 +38,8 @@ SHIFTED: Final = 4
 """Tier of constants: they are many. Factors of one number come after them."""
 NONE: Final = frozenset[str]()
 HOLDS: Final = (2, 4)
+WAKING: Final = ("exchange fields", "rescale fields", "normalize fields")
+"""Undos that may show a policy that reacts to nothing what it would react to."""
 COMMONEST_OF: Final = 9
 DRAWN: Final = 0.05
 """Part of the actions from which on a policy counts as one that draws them."""
@@ -84,10 +86,7 @@ def _part_undos(
     agents: tuple[str, ...], fields: Sequence[NumberField], deaf: frozenset[str]
 ) -> Iterator[Candidate]:
     """Parts of several numbers exchanged as wholes, as two entries of a Dict of one shape."""
-    parts: dict[tuple[Any, ...], list[NumberField]] = {}
-    for each in fields:
-        parts.setdefault(each.part.path, []).append(each)
-    several = [part for part in parts.values() if len(part) > 1]
+    several = [part for part in _parts(fields) if len(part) > 1]
     for one, two in combinations(several, 2):
         bounds = [[(each.low, each.high) for each in part] for part in (one, two)]
         if bounds[0] == bounds[1] and not {each.name for each in (*one, *two)} <= deaf:
@@ -161,7 +160,10 @@ def shift_undos(
         undo = BoundaryUndo(agents, "shift field", (one.place,), names=(one.name,))
         for by in _constants(float(high - low), is_whole=one.is_whole):
             yield SHIFTED, replace(undo, amount=by)
+        for by in (1.0, -1.0) if 2 <= _span(one) < MOST_VALUES else ():
+            yield SHIFTED, replace(undo, way="shift values", amount=by)
         yield from _scaled(replace(undo, way="rescale fields"), one, fields)
+    yield from _scaled_together(agents, fields if len(fields) <= MOST_SHIFTED else (), deaf)
     for one in axes if len(axes) <= MOST_SHIFTED else ():
         if np.isfinite([one.low, one.high]).all() and not one.is_whole:
             for by in _constants(one.high - one.low, is_whole=False):
@@ -175,6 +177,33 @@ def _scaled(
     """One of several numbers multiplied, after all constants."""
     for factor in () if one.is_whole or len(every) == 1 else FACTORS[:4]:
         yield SHIFTED + 1, replace(undo, amount=factor)
+
+
+def _scaled_together(
+    agents: tuple[str, ...], fields: Sequence[NumberField], deaf: frozenset[str]
+) -> Iterator[Candidate]:
+    """Two neighbours of equal bounds multiplied, and parts of more: vectors have one unit."""
+    vectors = [
+        (one, two)
+        for one, two in pairwise(fields)
+        if one.part.path == two.part.path and (one.low, one.high) == (two.low, two.high)
+    ]
+    parts = [tuple(part) for part in _parts(fields) if len(part) > 2]
+    for vector in (*vectors, *parts):
+        names = tuple(each.name for each in vector)
+        if len(vector) < len(fields) and not any(x.is_whole or x.name in deaf for x in vector):
+            places = tuple(each.place for each in vector)
+            for factor in FACTORS[:4]:
+                undo = BoundaryUndo(agents, "rescale fields", places, factor, names)
+                yield SHIFTED + 2, undo
+
+
+def _parts(fields: Sequence[NumberField]) -> Iterable[list[NumberField]]:
+    """Numbers of each part, as of an entry of a Dict."""
+    parts: dict[tuple[Any, ...], list[NumberField]] = {}
+    for each in fields:
+        parts.setdefault(each.part.path, []).append(each)
+    return parts.values()
 
 
 def _constants(span: float, *, is_whole: bool) -> list[float]:
@@ -272,14 +301,29 @@ def is_either(open_setup: OpenSetup, undo: BoundaryUndo) -> bool:
     observed, acted = observation_space(open_setup.env, agent), action_space(open_setup.env, agent)
     if observed is None or acted is None:
         return False
-    most = 2 if undo.way == "shift actions" else MOST_VALUES
-    if undo.way in ("shift actions", "exchange actions"):
-        others = observed_fields(open_setup.contract, agent, observed)
-    elif undo.component == "perception":
-        others = acted_fields(acted)
-    else:
+    own: Sequence[NumberField] = observed_fields(open_setup.contract, agent, observed)
+    others: Sequence[NumberField] = acted_fields(acted)
+    if undo.component == "control":
+        own, others = others, own
+    most: float = 2 if undo.way == "shift actions" else MOST_VALUES
+    span = _span(own[undo.places[0]]) if undo.way in ("mirror field", "mirror axis") else 0.0
+    if span > 2:  # it exchanges two pairs of values or more, and of others only one is
+        most = 3 if undo.component == "control" else min(span, most)  # an action for each value
+    elif undo.component != "perception" and undo.way not in ("shift actions", "exchange actions"):
         return False
-    return any(x.is_whole and most <= x.high - x.low < np.inf for x in others)
+    return any(most <= _span(each) < np.inf for each in others)
+
+
+def _span(field: NumberField) -> float:
+    """The span of a field's whole numbers; 0 where it has others."""
+    return field.high - field.low if field.is_whole else 0.0
+
+
+def is_unmoved(agents: Sequence[str], responses: Mapping[str, ResponseTest]) -> bool:
+    """Tells whether policies that were tested reacted to no change of what they observe."""
+    known = [responses[agent] for agent in agents if agent in responses]
+    tests = [each for each in known if each.is_repeatable]
+    return bool(tests) and all(each.changes and not each.reactions for each in tests)
 
 
 def _groups(open_setup: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
@@ -308,7 +352,7 @@ def _of_group(
     slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
     lags = [*slowest, *(each.lag or 0 for each in tests)]
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
-    is_still = bool(tests) and all(each.changes and not each.reactions for each in tests)
+    is_still = is_unmoved(group, responses)
     fields: Sequence[NumberField] = ()
     own = [each for agent in group for each in seen.get(agent, ())]
     deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
@@ -317,8 +361,8 @@ def _of_group(
         alike = [a for a in seen if str(observation_space(open_setup.env, a)) == str(observed)]
         known = [each for agent in alike for each in seen[agent]]
         for tier, undo in observation_undos(group, fields, NONE if is_still else deaf):
-            # what was recorded may lie beyond what it reacts to only where it reads another field
-            is_apt = tier <= 1 and undo.way == "exchange fields" if is_still else True
+            # what was recorded may lie beyond what it reacts to: in another field, or in its scale
+            is_apt = undo.way in WAKING if is_still else True
             if is_apt and is_known_range(undo, fields, own, known):
                 yield tier, undo
     if is_still:

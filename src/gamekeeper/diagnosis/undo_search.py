@@ -17,7 +17,7 @@ from gamekeeper.diagnosis.message_channels import (
 from gamekeeper.diagnosis.open_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of, responses_of
 from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, joined, peers_of, undone
-from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either
+from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either, is_unmoved
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.interventions.fields import acted_fields
@@ -89,6 +89,10 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         open_as = {undo: EITHER for undo in undos if is_either(open_setup, undo)}
         held = (undo for undo in undos if undo.way == "hold" and _draws(undo.agents, responses))
         open_as |= dict.fromkeys(held, OR_DRAWN)
+        woken = (
+            undo for undo in undos if undo.way in SCALES and is_unmoved(undo.agents, responses)
+        )
+        open_as |= dict.fromkeys(woken, POLICY)
         axes = {
             agent: len(acted_fields(space))
             for agent in named

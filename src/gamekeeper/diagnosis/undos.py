@@ -33,6 +33,7 @@ OnObservation = Literal[
     "rescale fields",
     "normalize fields",
     "shift field",
+    "shift values",
     "deliver messages",
 ]
 OnAction = Literal[
@@ -106,7 +107,8 @@ class BoundaryUndo:
         *most, last = self.agents
         axes = " and ".join(map(str, self.places))
         what = " and ".join(name.removeprefix("field ") for name in self.names)
-        at = f"field {what} of " if self.way in OBSERVATION else f"axis {axes} of "
+        fields = "fields" if len(self.places) > 1 else "field"
+        at = f"{fields} {what} of " if self.way in OBSERVATION else f"axis {axes} of "
         return TEXTS[self.way].format(
             at=at if self.places else "",
             whose=f"{', '.join(most)} and {last}'s" if most else f"{last}'s",
@@ -130,6 +132,7 @@ TEXTS: Final[Mapping[Way, str]] = {
     "rescale fields": "multiplying {at}{whose} observation by {n}",
     "normalize fields": "normalizing {whose} observation to {n} to 1",
     "shift field": "adding {n} to field {what} of {whose} observation",
+    "shift values": "shifting values of field {what} of {whose} observation by {by}",
     "deliver messages": "giving {agents} what {what} said last",
     "exchange axes": "exchanging axes {axes} of {whose} action",
     "mirror axis": "mirroring axis {axes} of {whose} action",
@@ -317,7 +320,7 @@ def _rule(undo: BoundaryUndo, low: Numbers, high: Numbers) -> Callable[[Numbers]
     if undo.way in VALUES:
         one, two = undo.places[1:]
         return lambda x: np.where(x == one, two, np.where(x == two, one, x))
-    if undo.way == "shift actions":
+    if undo.way in ("shift actions", "shift values"):  # the last value goes on at the first
         return lambda x: (x - low + amount) % (high - low + 1) + low
     if undo.way in ("shift field", "shift axis"):
         return lambda x: x + amount

@@ -20,8 +20,12 @@ from gamekeeper.statistics.significance import p_text
 INDENT: Final = " " * 11
 OFTEN: Final = 0.5
 """Part of its actions that a policy draws, from which that is worth a row."""
+UNDOS: Final = 3
+"""Changes that restore of which a screen has room, and one of each label."""
 LEFT_OUT: Final = 3
 """Things that weren't tried of which a screen has room."""
+OF_PIVOTS: Final = ("--contract", "--policy", "--allow-import")
+"""Options that `gamekeeper pivots` has, too."""
 MEMORY: Final = "memory"
 """Name of evidence that lies in no folder: no command could go on from it."""
 CAUSES: Final = {
@@ -36,12 +40,15 @@ NOBODYS: Final = ("environment", "protocol")
 """Those of them that blame no agent."""
 
 
-def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
+def diagnosis_screen(
+    document: Mapping[str, Any], *, width: int, options: Mapping[str, Any] | None = None
+) -> str:
     """The answer in a few rows, and the lines to paste next.
 
     Args:
         document: a diagnosis as plain data.
         width: columns that no line exceeds, but for a command.
+        options: of the command that gave it, by their names; the lines to paste keep them.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
     rows = [*_who(document), *_differs(document), *_undone(document)]
@@ -51,7 +58,7 @@ def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
         for title, text in rows
         for line in wrapped(text, width, first=f"{title:<11}", rest=INDENT)
     ]
-    commands = _next(document)
+    commands = _next(document, options or {})
     lines += [f"{'Next' if not k else '':<11}{each}" for k, each in enumerate(commands)]
     return "\n\n".join([*blocks, "\n".join(lines)])
 
@@ -114,8 +121,13 @@ def _tested(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Rows of what undoes it, and how sure that is."""
     tests = _tested(document)
-    for number, each in enumerate(tests[:3]):
+    firsts = {each["label"]: each for each in tests[::-1]}.values()  # of each label, the first
+    shown = [each for each in tests if each in firsts]
+    shown += [each for each in tests if each not in shown][: max(UNDOS - len(shown), 0)]
+    for number, each in enumerate(shown):
         yield "" if number else "Undone by", each["intervention"]
+    if len(shown) < len(tests):
+        yield "", f"and {len(tests) - len(shown)} more"
     beside = [name for each in _named(document).values() for name in each.get("beside", ())]
     for number, name in enumerate(dict.fromkeys(beside)):
         yield "" if number else "So does", name
@@ -179,7 +191,20 @@ def _is_failing(document: Mapping[str, Any]) -> bool:
     return not _named(document) and bool(answers & {"unexplained", "not_tried"})
 
 
-def _next(document: Mapping[str, Any]) -> Sequence[str]:
+def _words(options: Mapping[str, Any]) -> str:
+    """Options as they are typed; those without a value are left out."""
+    found = []
+    for name, value in options.items():
+        values = value if isinstance(value, list) else [value]
+        found += [
+            f" {name}" if each is True else f" {name} {shlex.quote(str(each))}"
+            for each in values
+            if each is not None and each is not False
+        ]
+    return "".join(found)
+
+
+def _next(document: Mapping[str, Any], options: Mapping[str, Any]) -> Sequence[str]:
     """Command lines that go on from here; none where no folder holds the run."""
     if document["run"] == MEMORY:
         return ()
@@ -190,11 +215,13 @@ def _next(document: Mapping[str, Any]) -> Sequence[str]:
         if scope == "team"
     )
     good = document.get("differences")
+    of_pivots = words + _words({name: options.get(name) for name in OF_PIVOTS})
+    words += _words(options)
     found = []
     if _named(document) and document["counterfactuals"]:
         episode = document["counterfactuals"][0]["episode"]
         found.append(
-            f"gamekeeper pivots {run} --episode {episode}{words}   # the turn that lost it"
+            f"gamekeeper pivots {run} --episode {episode}{of_pivots}   # the turn that lost it"
         )
     elif good is None and _is_failing(document) and not document.get("raised"):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}   # beside one that works")
