@@ -30,8 +30,8 @@ AUDIT_S: Final = 90
 """Time limit that the audit is given (`--seconds`)."""
 DEFAULT_S: Final = 150
 """The same for audits of the default budget."""
-OUTER_S: Final = 300
-"""Time after which the process is ended: an audit that doesn't keep its limit."""
+OVER_S: Final = 150
+"""Time beyond its limit after which the process is ended: an audit that doesn't keep it."""
 SURROUNDINGS: Final = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
 
 
@@ -42,6 +42,7 @@ def main() -> int:
     parser.add_argument("--results", type=Path, required=True)
     parser.add_argument("--source", type=Path, required=True, help="checkout whose src is run")
     parser.add_argument("--default", action="store_true", help="default budget, not --quick")
+    parser.add_argument("--seconds", type=int, help=f"time limit; {DEFAULT_S}, {AUDIT_S} if quick")
     parser.add_argument("--only", nargs="*", default=[], help="words, one of which a key must hold")
     asked = parser.parse_args()
     for each in one_of_each_first(catalogue()):
@@ -52,7 +53,9 @@ def main() -> int:
         if not command.exists():
             print(f"{each.key}: no {command}", flush=True)
             continue
-        result = audited(each, command, asked.source, quick=not asked.default)
+        limit_s = asked.seconds or (DEFAULT_S if asked.default else AUDIT_S)
+        quick = not asked.default
+        result = audited(each, command, asked.source, quick=quick, limit_s=limit_s)
         asked.results.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(result, indent=1))
         print(f"{each.key}: {summary(result)}", flush=True)
@@ -69,10 +72,11 @@ def one_of_each_first(listed: Iterable[Listed]) -> list[Listed]:
     return [each for _, each in sorted(places, key=lambda place: place[0])]
 
 
-def audited(each: Listed, command: Path, source: Path, *, quick: bool) -> dict[str, Any]:
+def audited(
+    each: Listed, command: Path, source: Path, *, quick: bool, limit_s: int
+) -> dict[str, Any]:
     """One audit's JSON, or what ended it without one."""
     words = [str(command), "audit", each.spec, "--json", "--quiet"]
-    limit_s = AUDIT_S if quick else DEFAULT_S
     words += ["--quick"] if quick else []
     words += ["--seconds", str(limit_s), "--kwargs", json.dumps(dict(each.kwargs))]
     surroundings = {**os.environ, **SURROUNDINGS, "PYTHONPATH": str(source / "src")}
@@ -81,10 +85,11 @@ def audited(each: Listed, command: Path, source: Path, *, quick: bool) -> dict[s
     start = time.monotonic()
     try:
         done = subprocess.run(
-            words, capture_output=True, text=True, timeout=OUTER_S, env=surroundings
+            words, capture_output=True, text=True, timeout=limit_s + OVER_S, env=surroundings
         )
     except subprocess.TimeoutExpired:
-        return {**result, "ended": f"no answer in {OUTER_S} s", "seconds": OUTER_S}
+        end_s = limit_s + OVER_S
+        return {**result, "ended": f"no answer in {end_s} s", "seconds": end_s}
     result |= {"returncode": done.returncode, "seconds": round(time.monotonic() - start, 1)}
     try:
         return {**result, "audit": json.loads(done.stdout)}

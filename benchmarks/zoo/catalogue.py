@@ -11,7 +11,9 @@ from typing import Any, Final, Literal, get_args
 HERE: Final = Path(__file__).parent
 CATALOGUE: Final = HERE / "environments.toml"
 GROUPS: Final = HERE / "groups.toml"
-Group = Literal["tuned", "related", "new", "left", "fresh", "second", "third", "fourth", "fifth"]
+Group = Literal[
+    "tuned", "related", "new", "left", "fresh", "second", "third", "fourth", "fifth", "sixth"
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *fifth*: likewise, once they were changed by those before."""
+    *second* to *sixth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

@@ -399,3 +399,11 @@ def manufacturing() -> Any:
     return of_repository(
         where, "environments.mfg_env", "ManufacturingEnv", config={**base, **(phase or {})}
     )
+
+
+def coverage() -> Any:
+    """Base stations on vehicles and drones, with the configuration of its own training."""
+    where = "mahdimahdieh+marl-mlbs"
+    paths = {"config_path": "config/simulation_config.json", "graph_path": "config/graph_map.json"}
+    read = inside_repository(where, "main", "bootstrap_environment", **paths)
+    return of_repository(where, "rl.envs.pettingzoo_env", "CoverageParallelEnv", config=read[0])

@@ -421,25 +421,57 @@ def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
+    """What classes of an environment and its wrappers keep: owner, name of the attribute, value."""
+    kinds = dict, list, set, np.ndarray, np.random.Generator, np.random.RandomState, random.Random
+    while env is not None:
+        for cls in type(env).__mro__:
+            for name, value in list(vars(cls).items()):
+                if inspect.isfunction(value):
+                    if any(isinstance(each, kinds) for each in value.__defaults__ or ()):
+                        yield value, "__defaults__", value.__defaults__
+                elif isinstance(value, kinds) and not name.startswith("__"):
+                    yield cls, name, value
+        inside = getattr(env, "__dict__", {})
+        env = next((inside[name] for name in ("env", "aec_env", "par_env") if name in inside), None)
+
+
 def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Gives each instance a copy of its own of what its class and default arguments keep."""
-    generators = np.random.Generator, np.random.RandomState, random.Random
-    kinds = dict, list, set, np.ndarray, *generators
-    defaults: dict[Any, Any] = {}
+    """Puts an instance's own copy of what its classes keep in its place while it is called."""
+    first: dict[Any, Any] = {}
+
+    def put(kept: Any) -> None:
+        for (owner, name), value in kept.items():
+            setattr(owner, name, value)
+
+    def kept_of(env: Any) -> dict[Any, Any]:
+        return {(owner, name): value for owner, name, value in kept_by_classes(env)}
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def called(name: str) -> Callable[..., Any]:
+            def call(self: Any, *args: Any, **kwargs: Any) -> Any:
+                kept = self.__dict__.pop("own_of_class", None)
+                if kept is None:  # within another call, or a copy made anew
+                    return getattr(cls, name)(self, *args, **kwargs)
+                put(kept)
+                try:
+                    return getattr(cls, name)(self, *args, **kwargs)
+                finally:
+                    self.__dict__["own_of_class"] = kept_of(self)
+
+            return call
+
+        names = "reset", "step", "observe", "state", "render", "last"
+        return {name: called(name) for name in names if hasattr(cls, name)}
 
     def built() -> Any:
+        put(copy.deepcopy(first))
         env = make()
-        for function in [each for cls in type(env).__mro__ for each in vars(cls).values()]:
-            if inspect.isfunction(function) and function.__defaults__:
-                kept = defaults.setdefault(function, copy.deepcopy(function.__defaults__))
-                function.__defaults__ = copy.deepcopy(kept)
-        for cls in type(env).__mro__:
-            for name, value in vars(cls).items():
-                if isinstance(value, kinds) and not name.startswith("__") and name not in vars(env):
-                    setattr(env, name, copy.deepcopy(value))
+        first.update(copy.deepcopy(kept_of(env)) if not first else {})
+        env.__dict__["own_of_class"] = copy.deepcopy(kept_of(env))
         return env
 
-    return built
+    return with_methods(built, methods)
 
 
 @contextlib.contextmanager
@@ -462,7 +494,7 @@ class ClassState:
 
     def __init__(self, env: Any) -> None:
         self._values: list[tuple[Any, str, Any]] = []
-        for owner, name, value in _kept_by_classes(env):
+        for owner, name, value in kept_by_classes(env):
             with contextlib.suppress(Exception):  # what can't be copied stays as it is
                 self._values.append((owner, name, copy.deepcopy(value)))
 
@@ -470,20 +502,6 @@ class ClassState:
         """Puts copies of it back."""
         for owner, name, value in self._values:
             setattr(owner, name, copy.deepcopy(value))
-
-
-def _kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
-    kinds = dict, list, set, np.ndarray, np.random.Generator, np.random.RandomState, random.Random
-    while env is not None:
-        for cls in type(env).__mro__:
-            for name, value in vars(cls).items():
-                if inspect.isfunction(value):
-                    if any(isinstance(each, kinds) for each in value.__defaults__ or ()):
-                        yield value, "__defaults__", value.__defaults__
-                elif isinstance(value, kinds) and not name.startswith("__"):
-                    yield cls, name, value
-        inside = getattr(env, "__dict__", {})
-        env = next((inside[name] for name in ("env", "aec_env", "par_env") if name in inside), None)
 
 
 @dataclass(frozen=True, slots=True)
