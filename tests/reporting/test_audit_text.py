@@ -126,11 +126,11 @@ def test_waivers_are_shown_with_their_reasons() -> None:
 def test_not_exercised_checks_are_gathered_by_reason() -> None:
     """A reason stands once, behind the ids of its checks."""
     document = audit(
-        *(verdict(id, "not_exercised", reason="no play ended") for id in ("GK1", "GK2"))
+        *(verdict(id, "not_exercised", reason="no episode ended") for id in ("GK1", "GK2"))
     )
     assert not_exercised_text(document, width=80) == (
         "Not exercised (2)\n"
-        "  GK1, GK2: no play ended\n"
+        "  GK1, GK2: no episode ended\n"
         "  gamekeeper explain ID says what a check promises."
     )
 

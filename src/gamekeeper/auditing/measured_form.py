@@ -1,4 +1,4 @@
-"""The game form as it was seen, beside what is declared. Pure."""
+"""The structure as it was seen, beside what is declared. Pure."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ NOT_SEEN: Final[Mapping[str, str]] = {
 
 
 def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
-    """Measured game form, by the names of the audit's document; None where it couldn't be.
+    """Measured structure, by the names of the audit's document; None where it couldn't be.
 
     The contract only says which agents are of one role; nothing is judged here.
     """
@@ -59,7 +59,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     advised = advice(_signs(evidence, shapes, within, priority, order))
     turn_order = form.order_of_turns(shapes, [fact.value for fact in moves])
     play_order = _play_order(api, advised, turn_order, shapes)
-    settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
+    settled = _deterministic(evidence)  # else draws that no seed determines are held equal
     by_role, paid = roles_of(contract, evidence), payments(episodes, api)
     # one reward for all is changed by every move: it doesn't show whose move came first
     is_joint = not paid.get("shared") and trials.contests(moves) >= roles.ALIKE
@@ -248,7 +248,7 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
 
 
 def _depends_on_use(evidence: ProbeEvidence) -> bool:
-    """Tells whether fresh instances give the same play again, and a used one doesn't.
+    """Tells whether fresh instances give the same episode again, and a used one doesn't.
 
     Then reruns in one instance differ by that fault, and say nothing of seeds.
     """

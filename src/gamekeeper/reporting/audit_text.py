@@ -125,7 +125,7 @@ def rows_text(verdicts: Sequence[Document], run: str, *, width: int) -> str:
         width: columns that no line exceeds, as far as words allow.
     """
     rows = [
-        (each["id"], _short(f"{broken_rule(each)} First broken at {each['findings'][0]['where']}."))
+        (each["id"], _short(f"{broken_rule(each)} First failed at {each['findings'][0]['where']}."))
         for each in verdicts
     ]
     rows.append(("", f"(gamekeeper audit {run} says more)"))

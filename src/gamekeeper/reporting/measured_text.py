@@ -1,4 +1,4 @@
-"""The game form as an audit measured it, beside what the contract declares."""
+"""The structure as an audit measured it, beside what the contract declares."""
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
