@@ -1,4 +1,4 @@
-"""Measured game forms beside known ones: right, wrong and silent, by field.
+"""Measured structures beside known ones: right, wrong and silent, by field.
 
     python benchmarks/form_table.py [--budget 20000] [--seed 0] [--only NAME ...] [--held]
 

@@ -1,4 +1,4 @@
-"""Measured game forms of the environments of PettingZoo, mpe2 and Gamekeeper, each read in source.
+"""Measured structures of the environments of PettingZoo, mpe2 and Gamekeeper, each read in source.
 
     python benchmarks/published_forms.py --out FILE [--budget 6000] [--seed 0] [--only WORD ...]
     python benchmarks/published_forms.py --table FILE ... > docs/reference/measured-forms.md
@@ -121,7 +121,7 @@ def declared(spec: str) -> dict[str, Any]:
         "horizon": schedule.horizon or "none",
         "advice": opened.api,
     }
-    if len(kinds) == 1:  # a term that legal play never pays has another kind in some
+    if len(kinds) == 1:  # a term that legal episode never pays has another kind in some
         truth |= {"shared": kinds == {"shared"}, "zero_sum": kinds == {"zero-sum"}}
     return truth
 

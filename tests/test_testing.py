@@ -138,9 +138,9 @@ def test_contract_test_refuses_unknown_checks() -> None:
     [
         ("failed", pytest.fail.Exception, "GK402 (high): The dead are paid nothing."),
         ("error", pytest.fail.Exception, "a fault of the check"),
-        ("not_exercised", pytest.skip.Exception, "not exercised: no play ended"),
-        ("not_applicable", pytest.skip.Exception, "not applicable: no play ended"),
-        ("waived", pytest.xfail.Exception, "no play ended"),
+        ("not_exercised", pytest.skip.Exception, "not exercised: no episode ended"),
+        ("not_applicable", pytest.skip.Exception, "not applicable: no episode ended"),
+        ("waived", pytest.xfail.Exception, "no episode ended"),
     ],
 )
 def test_each_outcome_has_its_manner(
@@ -148,7 +148,7 @@ def test_each_outcome_has_its_manner(
 ) -> None:
     """Broken and faulty fail, what wasn't seen is skipped, waived is expected."""
     with pytest.raises(exception) as caught:
-        settle(verdict(outcome, reason="no play ended"), pytestconfig)
+        settle(verdict(outcome, reason="no episode ended"), pytestconfig)
     assert words in str(caught.value)
 
 

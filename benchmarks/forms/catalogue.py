@@ -1,4 +1,4 @@
-"""Environments of known game form: factories, each with its true form."""
+"""Environments of known structure: factories, each with its true form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Box actions: a formation, a power grid, a platoon, and a wind that no seed settles."""
+"""Box actions: a formation, a power grid, a platoon, and a wind that no seed determines."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ PLATOON = Form(
 
 
 class Gale(Ticks):
-    """Two gliders steer by -1 to 1 in a wind that no seed settles; each is paid its own height.
+    """Two gliders steer by -1 to 1 in a wind that no seed determines; each is paid its own height.
 
     The wind comes from a generator that is seeded by the machine. Gliders don't touch each other.
     """

@@ -1,4 +1,4 @@
-"""Slots show each agent's stream of decisions as a recording of the same play has it."""
+"""Slots show each agent's stream of decisions as a recording of the same episode has it."""
 
 from __future__ import annotations
 

@@ -145,7 +145,7 @@ def test_an_object_alone_can_be_looked_at(kind: Any) -> None:
 
 
 class Noisy(Rovers):
-    """Draws from a generator that no seed settles."""
+    """Draws from a generator that no seed determines."""
 
     def drive(self, agent: str, action: int) -> None:
         """Somewhere."""

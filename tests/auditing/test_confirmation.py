@@ -51,7 +51,7 @@ def test_finding_is_confirmed_in_five_fresh_processes() -> None:
 
 
 def test_processes_that_agree_by_chance_withdraw_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two other processes give one play by luck, the third another: the seed settles nothing."""
+    """Two other processes give one episode by luck, the third another: no seed determines it."""
     lucky: dict[int, list[Episode]] = {}
 
     def by_luck(session: ProbeSession, base: EpisodeResult, hash_seed: int) -> Episode:
@@ -74,7 +74,7 @@ def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
 
 
 def test_state_that_adds_up_over_episodes_is_found() -> None:
-    """One episode before the play isn't enough to see it."""
+    """One episode before the episode isn't enough to see it."""
     found = audited("AddsUp", "GK604")
     assert [each.id for each in found.failed] == ["GK604"]
     assert "for _ in range(4):" in found.of("GK604").findings[0].reproducer

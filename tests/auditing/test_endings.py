@@ -15,7 +15,7 @@ AT_20 = Contract.from_json({"schedule": {"horizon": 20}})
 
 
 def test_everybody_may_end_in_one_step_or_never() -> None:
-    """Games that end for all at once, by both flags, or not at all within a play, are legal."""
+    """Games that end for all at once, by both flags, or not at all within an episode, are legal."""
 
     def both(env: Any, out: Any) -> Any:
         return *out[:3], dict(out[2]), out[4]

@@ -161,6 +161,7 @@ def test_exceptions_of_the_environment_are_said() -> None:
     found = form_of(partial(Brittle, at_once=True))
     (error,) = found["errors"]
     assert (error["during"], found["advice"]) == ("an episode", None)
+    assert found["deterministic"] is None
     assert "KeyError" in error["error"]
     assert {"an episode", "replaced moves"} == {
         each["during"] for each in form_of(Brittle, 1_000)["errors"]

@@ -1,4 +1,4 @@
-"""Draws and clocks that a play hardly shows, and ends that nobody is told of."""
+"""Draws and clocks that an episode hardly shows, and ends that nobody is told of."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def test_limits_of_the_module_that_truncate_break_nothing() -> None:
 
 
 def test_rule_that_sometimes_ends_in_the_last_tick_is_no_limit() -> None:
-    """Where most plays end before it, what meets the limit is chance."""
+    """Where most episodes end before it, what meets the limit is chance."""
     found = audited(Emptied).of("GK508")
     assert found.outcome in ("passed", "not_exercised")
 

@@ -1,4 +1,4 @@
-"""The game form as it is measured: every field of the document, for both APIs."""
+"""The structure as it is measured: every field of the document, for both APIs."""
 
 from functools import partial
 from typing import Any
@@ -70,7 +70,7 @@ def test_measured_names_its_probes() -> None:
 
 
 def test_used_instance_that_differs_says_nothing_of_seeds() -> None:
-    """Fresh instances give the same play again, so that no contract is to declare otherwise."""
+    """Fresh instances give the same episode again, so that no contract is to declare otherwise."""
     found = audit_here(ResetIgnored, budget=500)
     assert found.of("GK606").outcome == "failed"
     assert found.measured["deterministic"] is None
@@ -208,7 +208,7 @@ def test_exchangeable_keeps_its_level() -> None:
 
 
 def test_episodes_that_are_cut_off_count_by_whole_rounds() -> None:
-    """Who sits before the place where a play was stopped hasn't fared differently."""
+    """Who sits before the place where an episode was stopped hasn't fared differently."""
     played = gk.rollout(HiddenHands, episodes=8, seed=0, most_turns=20)
     agents = ["player_0", "player_1", "player_2"]
     rows = np.array([fares(episode, agents) for episode in played.episodes])

@@ -185,7 +185,7 @@ def test_what_is_owed_may_be_small() -> None:
 
 
 class Undecided(Table):
-    """Pays large sums that no seed settles."""
+    """Pays large sums that no seed determines."""
 
     def pay(self, agent: Any, won: float, before: dict[Any, Any]) -> None:
         """A cent or thousands, from another source of chance."""
@@ -194,7 +194,7 @@ class Undecided(Table):
 
 
 def test_rewards_that_no_seed_settles_are_no_marks() -> None:
-    """Other rewards in a second play aren't what was put there."""
+    """Other rewards in a second episode aren't what was put there."""
     assert broken(Undecided, budget=900) == set()
 
 

@@ -232,7 +232,7 @@ def test_seeds_sound_object_breaks_nothing() -> None:
 
 
 def test_seeds_declared_as_undetermined_arent_judged() -> None:
-    """Who says that a seed settles nothing is believed; what is global is left alone even so."""
+    """Who says that a seed determines nothing is believed; what is global is left alone even so."""
     contract = Contract.from_json({"seeds": {"deterministic": False}})
     found = audited(LuckyRovers, contract=contract)
 

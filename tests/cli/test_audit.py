@@ -44,7 +44,7 @@ def test_broken_promise_is_shown_with_its_program(capfd: pytest.CaptureFixture[s
     code, out, _ = said(capfd, "audit", PAID, *QUICK)
     assert code == 1
     lines = out.splitlines()
-    assert lines[-1] == f"{PAID} (Parallel): 0 passed, 1 failed (1 high)"
+    assert lines[0] == f"{PAID} (Parallel): 0 passed, 1 failed (1 high)"
     assert "Failed: high severity" in lines
     assert "  GK402  Should hold: An agent that has ended is paid nothing more." in lines
     title = "A program that shows GK402: it fails as long as the check does\n"
@@ -117,7 +117,7 @@ def test_waiver_is_shown_with_its_reason(tmp_path: Path, capfd: pytest.CaptureFi
     contract.write_text('[waivers]\nGK402 = "paid late on purpose"\nGK000 = "a slip"\n')
     code, out, _ = said(capfd, "audit", PAID, *QUICK, "--contract", contract)
     assert code == 0
-    assert "1 waived" in out.splitlines()[-1]
+    assert "1 waived" in out.splitlines()[0]
     told = " ".join(out.split())
     assert "Waived: paid late on purpose" in told
     assert "GK000 a check with this id doesn't exist" in told
@@ -128,7 +128,7 @@ def test_not_exercised_counts_on_stderr_and_strictly(capfd: pytest.CaptureFixtur
     line = ("audit", "warehouse", "--select", "GK501", "--budget", "40")
     code, _, err = said(capfd, *line)
     assert code == 0
-    said_so = "Checks not exercised (1): no episode had what they need\n  GK501  An agent leaves"
+    said_so = "Not exercised (1), as no episode had\n  GK501: an agent that leaves"
     assert said_so in err  # after a word of what is compiled, the first time
     assert said(capfd, *line, "--strict")[0] == 2
 

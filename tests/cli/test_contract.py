@@ -92,7 +92,7 @@ def test_measured_draft_declares_nothing(
     drafted = gk.Contract.load("my.toml")
     assert (drafted.schedule.horizon, drafted.seeds.deterministic) == (None, None)
     code, out, _ = said(capfd, "contract", ROUGH, "--measure")
-    assert "Measured (none of it is declared)" in out
+    assert "Measured (nothing is declared)" in out
     words = " ".join(out.split())
     proposed = words.partition("Measured, but not declared, so not checked (2)")[2]
     assert "schedule.horizon = 4 (else N)" in proposed.partition("Not declared")[0]

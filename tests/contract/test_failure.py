@@ -49,6 +49,17 @@ def test_failure_names_what_it_asks_for():
     assert Failure("a < 3 and (b.c > 1 or not return)").names == expected
 
 
+def test_failure_on_what_is_not_measured_lists_each_name_once():
+    """With thirty agents the names are as many as with one, with an example of one agent's."""
+    values = {
+        "return": 0.0,
+        **{f"a_{k}.{name}": 0.0 for k in range(30) for name in ("return", "x")},
+    }
+    with pytest.raises(ContractError, match=r"isn't measured") as raised:
+        Failure("b_0.return < 0").check(values)
+    assert raised.value.expected == "return, a_0.x; of an agent or a role: a_0.return"
+
+
 @pytest.mark.parametrize(
     ("text", "at"),
     [

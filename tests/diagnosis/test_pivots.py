@@ -146,8 +146,8 @@ def test_pivots_text_says_the_same_of_several_episodes_once() -> None:
     episodes.append({**one, "episode": 2, "curve": [at(9)]})
     document = {"failed": count, "episodes": episodes, "steps": 100, "budget": 100}
     text = pivots_text(document, width=100)
-    assert text.count("the policies seldom succeed from the first turn on") == 1
-    assert text.startswith("2 episodes failed, and no turn of them is named: 0, 1\n")
+    assert text.count("continued from the first turn, the policies seldom succeed") == 1
+    assert text.startswith("2 episodes failed without a pivot: 0, 1\n")
     assert "from turn 9" not in text
 
 
@@ -196,5 +196,5 @@ def test_pivots_text_says_once_what_holds_of_several_episodes() -> None:
     blank = {**found["episodes"][0], "pivots": []}
     episodes = [{**blank, "episode": number} for number in (1, 4)]
     text = pivots_text({**found, "episodes": episodes}, width=90)
-    assert "2 episodes failed, and no turn of them is named: 1, 4" in text
+    assert "2 episodes failed without a pivot: 1, 4" in text
     assert text.count("no other action") == 1

@@ -22,7 +22,7 @@ def episode(env: Any = None, *, seed: int = 0, **options: Any) -> Episode:
 
 @pytest.mark.parametrize("kind", [Walk, Turns])
 def test_compare_finds_equal_traces_exact(kind: type) -> None:
-    """Two plays from one seed are equal bit for bit, whatever the tolerance."""
+    """Two episodes from one seed are equal bit for bit, whatever the tolerance."""
     for tolerance in (None, 0.0, 1e-6):
         found = compare(episode(kind()), episode(kind()), tolerance=tolerance)
 

@@ -45,7 +45,7 @@ class RestartedGenerator(Traders):
 class Entropy(Rovers):
     """The wind comes from the system's entropy.
 
-    The seed settles where rovers start, and not how far they come.
+    The seed determines where rovers start, and not how far they come.
     """
 
     battery: dict[str, Any]

@@ -236,7 +236,7 @@ def test_open_env_of_a_file_that_imports_its_package_names_the_module(
     write(f"from {package} import rules\n", f"{package}/env.py")
     monkeypatch.chdir(tmp_path)
     said = told(f"{package}/env.py:make")
-    assert "package.module:NAME" in said
+    assert f"by its module, {package}.env:NAME" in said
     assert "pip install" not in said
 
 

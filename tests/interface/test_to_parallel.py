@@ -107,7 +107,7 @@ def test_dictionaries_are_new_and_of_the_same_agents(
 def test_copies_of_a_converted_environment_go_on_alike(
     n: int, script: list[Round], ticks: int
 ) -> None:
-    """A deep copy and a pickled one play the same rest."""
+    """A deep copy and a pickled one episode the same rest."""
     env = ToParallel(Turns(n, script, hasty=True))
     env.reset(seed=1)
     for _ in range(ticks):

@@ -40,14 +40,23 @@ def test_measured_stands_beside_declared() -> None:
     rows = {line[2:26].strip(): line for line in text.splitlines()}
     assert rows["horizon"].split() == ["horizon", "20", "25", "(differs)"]
     assert rows["order"].split() == ["order", "none", "none"]
-    assert rows["the seed settles everyth"].endswith("not declared")
+    assert rows["deterministic by its see"].endswith("not declared")
     assert rows["symmetric"].split("  ")[-1].strip() == "rover: yes"
     assert rows["reward"].endswith("sample (individual)")
-    assert "Which API fits this game\n  Parallel (ParallelEnv) fits: in 518 ticks" in text
+    assert "AEC or Parallel\n  Parallel fits: in 518 ticks" in text
     assert "no difference seen in" in rows["order of actions matters"]
     alone = measured_text(audit(measured=MEASURED), width=80)
-    assert alone.startswith("Measured (none of it is declared)\n  stages")
+    assert alone.startswith("Measured (nothing is declared)\n  stages")
     assert "not declared" not in alone
+
+
+def test_unmeasured_fields_share_a_row() -> None:
+    """Fields with neither a measurement nor a declaration are named in one row."""
+    found = {**MEASURED, "observe": None, "conflicts": None, "horizon": None}
+    lines = measured_text(audit(measured=found, declared=DECLARED), width=110).splitlines()
+    (row,) = [line for line in lines if line.startswith("  not measured")]
+    assert "observe, conflicts (reasons: --json)" in row
+    assert any(line.split()[:3] == ["horizon", "not", "measured"] for line in lines)
 
 
 def test_measured_values_are_sentences() -> None:

@@ -33,7 +33,7 @@ def test_broken_promises_stand_by_severity() -> None:
     assert list(blocks) == ["Failed: high severity", "Failed: low severity"]
     high = blocks["Failed: high severity"]
     assert high.splitlines()[0] == "  GK402  Should hold: The promise of GK402."
-    for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 places"):
+    for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
         assert word in high
 
 
@@ -124,25 +124,27 @@ def test_waivers_are_shown_with_their_reasons() -> None:
 
 
 def test_not_exercised_checks_are_gathered_by_reason() -> None:
-    """A reason stands once, with its checks and their claims."""
+    """A reason stands once, behind the ids of its checks."""
     document = audit(
-        *(verdict(id, "not_exercised", reason="no play ended") for id in ("GK1", "GK2"))
+        *(verdict(id, "not_exercised", reason="no episode ended") for id in ("GK1", "GK2"))
     )
     assert not_exercised_text(document, width=80) == (
-        "Checks not exercised (2): no play ended\n"
-        "  GK1  The promise of GK1.\n"
-        "  GK2  The promise of GK2."
+        "Not exercised (2)\n"
+        "  GK1, GK2: no episode ended\n"
+        "  gamekeeper explain ID says what a check promises."
     )
 
 
 def test_not_exercised_checks_say_what_they_look_at() -> None:
-    """Those with such a noun stand under one reason with those without."""
-    reasons = [NO_CASE, f"{NO_CASE}: an agent with an action mask"]
+    """Checks that need the same share a line; other reasons stand apart."""
+    reasons = [NO_CASE, *[f"{NO_CASE}: an agent with an action mask"] * 2]
     found = [verdict(f"GK{k}", "not_exercised", reason=text) for k, text in enumerate(reasons)]
     assert not_exercised_text(audit(*found), width=80) == (
-        "Checks not exercised (2): no episode had what they need\n"
-        "  GK0  The promise of GK0.\n"
-        "  GK1  The promise of GK1. Needs: an agent with an action mask."
+        "Not exercised (2), as no episode had\n"
+        "  GK1, GK2: an agent with an action mask\n\n"
+        "Not exercised (1)\n"
+        "  GK0: no episode had what they need\n"
+        "  gamekeeper explain ID says what a check promises."
     )
 
 
@@ -153,8 +155,8 @@ def test_passed_checks_with_few_cases_say_what_they_could_miss() -> None:
         verdict("GK3", "passed", cases=400, could_miss=0.0075),
     )
     assert chances_text(document, width=120) == (
-        "2 checks passed but looked at 4 places or fewer each, and may have missed a fault that "
-        "shows at 1 place in 10 (--json:\n  cases, could_miss)"
+        "Of those passed, 2 checks had 4 cases or fewer: a fault in 1 case of 10 could have been "
+        "missed (--json: cases,\n  could_miss)"
     )
 
 

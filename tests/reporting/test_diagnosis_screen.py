@@ -21,23 +21,23 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     assert "gamekeeper" not in diagnosis_screen(document, width=80)
     lines = diagnosis_screen({**document, "run": "runs/x"}, width=80).splitlines()
     assert len(lines) <= 24
-    assert any(line.startswith("Who        giver_0 (isolated;") for line in lines)
-    assert any(line.startswith("Undone by  latency[giver_0] = 0") for line in lines)
+    assert any(line.startswith("Agent      giver_0 (isolated;") for line in lines)
+    assert any(line.startswith("Repair     latency[giver_0] = 0") for line in lines)
     assert any("gamekeeper pivots runs/x --episode 0" in line for line in lines)
     given = {"--policy": ["a=x", "b=y z"], "--seed": 3, "--env": None, "--allow-import": True}
     typed = diagnosis_screen({**document, "run": "runs/x"}, width=80, options=given)
     words = "--policy a=x --policy 'b=y z'"
     assert f"pivots runs/x --episode 0 {words} --allow-import   #" in typed
     assert f"diagnose runs/x {words} --seed 3 --allow-import --all" in typed
-    assert "Not named  receiver_0 (no cause found in what was tried)" in lines
-    assert any(line.startswith("How sure   success rate from 0% to ") for line in lines)
+    assert "Others     receiver_0: no cause found in what was tried" in lines
+    assert any(line.startswith("Effect     success rate from 0% to ") for line in lines)
 
 
 def test_screen_of_a_healthy_run_accuses_no_agent() -> None:
     """It says that none is, and asks for no run that worked."""
     evidence = gk.rollout("handover", policies="reference", episodes=2)
     text = diagnosis_screen(gk.diagnose(evidence, perturbations=False).to_json(), width=80)
-    assert "Who        no agent. Healthy:" in text
+    assert "Agent      none. Healthy:" in text
     assert "--good" not in text
 
 

@@ -106,10 +106,13 @@ def test_evaluation_text_has_no_negative_zero() -> None:
 
 
 def test_evaluation_text_keeps_notes_apart_from_claims() -> None:
-    """A sentence on how it was played is no claim."""
+    """Claims come before the tables; a sentence on how it was played is no claim."""
     found = document(notes=["All policies played."], claims=["line: a is above b."])
     text = evaluation_text(found, width=80)
-    assert "Notes\n  All policies played.\n\nSupported claims\n  line: a is above b." in text
+    heads = [line for line in text.splitlines() if line[:1].isalpha()]
+    assert heads[1] == "Supported claims"
+    assert "Supported claims\n  line: a is above b.\n\n" in text
+    assert text.endswith("Notes\n  All policies played.")
 
 
 def test_evaluation_text_shows_a_figure_without_interval_alone() -> None:
@@ -121,7 +124,7 @@ def test_evaluation_text_shows_a_figure_without_interval_alone() -> None:
     assert "Refused claims\n  interval of the mean: too few episodes" in text
     refused.append({"what": "interval of the median", "why": "too few episodes"})
     text = evaluation_text(document(results=[row(mean=mean)], refused=refused), width=80)
-    assert "claims\n  too few episodes\n    - interval of the mean\n    - interval of the m" in text
+    assert "claims\n  interval of the mean; and 1 more: too few episodes" in text
 
 
 def test_evaluation_text_shows_methods_over_their_runs_and_lists_these() -> None:

@@ -83,7 +83,7 @@ def test_shrink_keeps_only_what_is_needed() -> None:
 
 
 def test_shrink_leaves_what_nothing_shorter_shows() -> None:
-    """A play that can't be shortened stays."""
+    """An episode that can't be shortened stays."""
     play = EpisodePlan(actions=tuple({"a": n} for n in range(5)), most_turns=5)
 
     assert shrink(play, lambda shorter: shorter.actions == play.actions).actions == play.actions

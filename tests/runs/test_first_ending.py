@@ -18,9 +18,7 @@ TERM = '[rewards.caught]\nkind = "individual"\n'
 CAUGHT = f'{TERM}[failure]\nteam = "caught < 1"\n'
 UNDECLARED = '[failure]\nteam = "return < 0 and caught < 1"\n'
 TURN = '[failure]\nteam = "turn < 5"\n'
-REFUSED = (
-    r"(?s)asks for 'caught', which nothing measures.*expected: ending, is_over, length, return"
-)
+REFUSED = r"(?s)needs 'caught', which isn't measured.*expected: ending, is_over, length, return"
 
 
 @pytest.fixture
@@ -71,7 +69,7 @@ def test_a_report_says_what_it_cannot_tell() -> None:
     )  # cut, so that it was recorded at all
     found, text = failing(evidence, figures_of(evidence))
     assert found == [None, None]
-    assert "asks for 'caught', which nothing measures; measured are ending, is_over" in text
+    assert "needs 'caught', which isn't measured; expected: ending, is_over" in text
 
 
 def test_an_audit_refuses_what_nothing_measures() -> None:
@@ -87,7 +85,7 @@ def test_commands_refuse_with_the_known_names(walk: Any, capfd: pytest.CaptureFi
     for line in (("rollout", spec), ("run", spec), ("rollout", spec, "--workers", "2")):
         code, _, err = said(capfd, *line, "--episodes", "3")
         assert code == 2, line
-        assert "asks for 'caught', which nothing measures" in err
+        assert "needs 'caught', which isn't measured" in err
         assert "return, turn" in err
     code, told = document(capfd, "contract", spec)
     asked = {each["key"]: each for each in told["questions"]}

@@ -225,7 +225,7 @@ def _drafts(store: RunStore) -> dict[str, tuple[Path, int, str]]:
     original = checksums_module.commit
     module = sys.modules["gamekeeper.runs.files.store"]
     try:
-        module.commit = lambda _folder, _manifest, files, **_: found.update(files)  # type: ignore  # for this play alone
+        module.commit = lambda _folder, _manifest, files, **_: found.update(files)  # type: ignore  # for this episode alone
         store._finalize({})
     finally:
         module.commit = original  # type: ignore

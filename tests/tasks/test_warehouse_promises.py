@@ -135,7 +135,7 @@ def test_contract_says_what_the_environment_does(kind: type[Any]) -> None:
 @pytest.mark.parametrize("layout", [*NAMED, "hall"])
 @pytest.mark.parametrize("knobs", [{}, EVERY_KNOB], ids=["ideal", "disturbed"])
 def test_what_is_shown_lies_in_its_space(kind: type[Any], layout: str, knobs: Any) -> None:
-    """Observations, masks, infos and states under random legal play, with every knob or none."""
+    """Observations, masks, infos and states under random legal actions, with every knob or none."""
     env = kind(layout=layout, battery=20, horizon=40, **knobs)
     rng = np.random.default_rng(3)
     env.reset(seed=3)

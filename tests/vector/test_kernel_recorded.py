@@ -111,7 +111,7 @@ def first_legal(observation: Any, agent: Any, info: Any, rng: Any) -> Any:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_recorded_batch_is_a_rollout(name: str, tmp_path: Path) -> None:
-    """What `gk.rollout` records of the same play, one episode after the other."""
+    """What `gk.rollout` records of the same episode, one episode after the other."""
     path = tmp_path / "many"
     venv = gk.record(make(f"{HERE}:{name}", 3, engine="kernel", env_kwargs=PLAIN), path)
     _, infos = venv.reset(seed=4)

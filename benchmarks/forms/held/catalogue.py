@@ -1,4 +1,4 @@
-"""Environments of known game form that are held back: factories, each with its true form."""
+"""Environments of known structure that are held back: factories, each with its true form."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def audit(
         budget: environment steps of the checks; the measured form has half as many on top, 5,000 at
             most.
         quick: a budget of 3,000 steps.
-        seed: of the plays; play k is reset with `seed + 1 + k`.
+        seed: of the episodes; play k is reset with `seed + 1 + k`.
         select: only checks whose ids begin so; all where empty.
         ignore: but those whose ids begin so.
         env_kwargs: handed to the factory.

@@ -33,7 +33,7 @@ IS_EXCEPTION: Final = re.compile(r"(Error|Exception|\braise[sd])\b")
 """Words of a finding that is an exception."""
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
 NOT_RUN: Final = "the audit ended before its reproducer was run"
-UNSTABLE: Final = "its reproducer fails without the trigger too: the same play differs by itself"
+UNSTABLE: Final = "its reproducer fails without the trigger too: the same episode differs by itself"
 
 
 ProgramEnd: TypeAlias = Literal["passed", "failed", "raised", "not run"]
@@ -47,7 +47,7 @@ class Programs:
     Attributes:
         finding: its reproducer is the shortest that was found.
         whole: the reproducer with the episode as it was played; the same where it wasn't shrunk.
-        compares: two plays are compared, so that it may be a consequence.
+        compares: two episodes are compared, so that it may be a consequence.
         unchanged: without the fault's trigger; empty where there is none.
     """
 
@@ -190,8 +190,8 @@ def confirmed(
 ) -> tuple[Verdict, ...]:
     """The verdicts, those that failed confirmed, suspected, or traced to a cause.
 
-    Causes are established first. What compares two plays, and passes once an established cause is
-    held still, is a consequence; it stays failed. What one play shows is a consequence of the
+    Causes are established first. What compares two episodes, and passes once an established cause
+    is held still, is a consequence; it stays failed. What one episode shows is a consequence of the
     causes alone that name its check. So is what ends in an exception that another's program ended
     in, raised by the same line.
 

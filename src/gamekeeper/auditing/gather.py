@@ -36,7 +36,7 @@ FIRST: Final = "same_seed"
 LAST: Final = "second_episode"
 """The probe that plays again what another one saw differ in a used instance."""
 OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_process"})
-"""Probes that look for draws that no seed settles."""
+"""Probes that look for draws that no seed determines."""
 OF_SHARING: Final = frozenset(
     {FIRST, "unseeded", "other_process", "second_episode", "alternated", "lifecycle"}
 )

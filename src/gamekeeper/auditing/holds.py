@@ -511,7 +511,7 @@ class Hold:
     Attributes:
         words: what is done, for `follows_from`.
         function: takes `make`, returns another.
-        consequences: checks whose failure may follow from the cause, also one that a single play
+        consequences: checks whose failure may follow from the cause, also one that a single episode
             shows.
         is_general: so may that of any check that compares two plays.
     """
@@ -540,10 +540,10 @@ CLASSES: Final = Hold(
 READINGS: Final = Hold("state() and render() called on a copy", readings_held, ("GK805", "GK814"))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
-"""Held where the same play differs by itself, so that another fault in it can be shown."""
+"""Held where the same episode differs by itself, so that another fault in it can be shown."""
 RESETS: Final = Hold("global generators seeded before each reset, as in the audit", resets_held)
 AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
-"""Held where a play shows a fault by what it drew: it draws the same again, as in the audit."""
+"""Held where an episode shows a fault by what it drew: it draws the same again, as in the audit."""
 HOLDS: Final = {
     "GK602": GLOBALS,
     "GK638": SPACES,

@@ -1,4 +1,4 @@
-"""The game form as it was seen, beside what is declared. Pure."""
+"""The structure as it was seen, beside what is declared. Pure."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -26,15 +26,15 @@ PROBES: Final[tuple[str, ...]] = ("rollout", "order", "form", "same_seed")
 LEVEL: Final = 0.01
 NOT_SEEN: Final[Mapping[str, str]] = {
     "stages": "fewer than three rounds in which agents acted in an order that means something",
-    "order": "no round had two agents, or it isn't known whether moves are made together",
-    "observe": "too few comparisons of what later agents of a round observe, or no observation of "
-    "the step that makes a move shows it",
-    "conflicts": "too few moves of one tick changed each other's rewards to tell a joint rule from "
-    "a fixed order of names, or random draws hide it",
+    "order": "no round had two agents, or it isn't known whether their actions are simultaneous",
+    "observe": "too few comparisons of what later agents of a round observe, or no observation "
+    "shows its own step's action",
+    "conflicts": "too few actions of one tick changed each other's rewards to tell a joint rule "
+    "from a fixed order of names, or random draws hide it",
     "legality": "too few comparisons of masks of other agents",
-    "messages": "too few comparisons of what replaced moves change",
-    "deterministic": "no episode was played again, or a used instance plays another one than a new "
-    "instance, so that the rerun can't be compared",
+    "messages": "too few comparisons of what replaced actions change",
+    "deterministic": "no episode was rerun, or the rerun in a used instance can't be compared, as "
+    "that differs from a new one (GK604)",
     "horizon": "no two whole episodes were truncated at the same length",
     "symmetric": "too few episodes in which two agents of a role came to different results",
     "advice": "too few comparisons",
@@ -43,7 +43,7 @@ NOT_SEEN: Final[Mapping[str, str]] = {
 
 
 def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
-    """Measured game form, by the names of the audit's document; None where it couldn't be.
+    """Measured structure, by the names of the audit's document; None where it couldn't be.
 
     The contract only says which agents are of one role; nothing is judged here.
     """
@@ -59,7 +59,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     advised = advice(_signs(evidence, shapes, within, priority, order))
     turn_order = form.order_of_turns(shapes, [fact.value for fact in moves])
     play_order = _play_order(api, advised, turn_order, shapes)
-    settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
+    settled = _deterministic(evidence)  # else draws that no seed determines are held equal
     by_role, paid = roles_of(contract, evidence), payments(episodes, api)
     # one reward for all is changed by every move: it doesn't show whose move came first
     is_joint = not paid.get("shared") and trials.contests(moves) >= roles.ALIKE
@@ -224,12 +224,12 @@ def _order(evidence: ProbeEvidence) -> dict[str, Any]:
 
 
 def _deterministic(evidence: ProbeEvidence) -> bool | None:
-    """Tells whether seed and actions settled every rerun; None where there was none."""
+    """Tells whether seed and actions settled every rerun; None where there was none with a turn."""
     unchanged_reruns = {
         id(counterfactual.unchanged_rerun): counterfactual.noise is None
         for counterfactual in evidence.counterfactuals("influence")
     }
-    if evidence.blind:
+    if evidence.blind or not any(episode.turns for episode in evidence["rollout"]):
         return None
     orders = [fact.value.result != "noise" for fact in evidence.facts(OrderOutcome)]
     again = [
@@ -248,7 +248,7 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
 
 
 def _depends_on_use(evidence: ProbeEvidence) -> bool:
-    """Tells whether fresh instances give the same play again, and a used one doesn't.
+    """Tells whether fresh instances give the same episode again, and a used one doesn't.
 
     Then reruns in one instance differ by that fault, and say nothing of seeds.
     """

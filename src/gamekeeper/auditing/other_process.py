@@ -1,4 +1,4 @@
-"""A play once more, in a process of its own under another hash seed."""
+"""An episode once more, in a process of its own under another hash seed."""
 
 import json
 import subprocess
@@ -87,7 +87,7 @@ def worker_of(session: ProbeSession, hash_seed: int) -> WarmWorker:
 def played_elsewhere(
     session: ProbeSession, base: EpisodeResult, hash_seed: int, *, instance: int = 1
 ) -> Episode | None:
-    """The same play in a new process, by its nth instance; None where it came to nothing."""
+    """The same episode in a new process, by its nth instance; None where it came to nothing."""
     session.meter.count(len(base.play.actions or ()))
     with TemporaryDirectory() as folder:
         arguments: dict[str, Any] = {
@@ -133,7 +133,7 @@ def play_task(
                 keep=EvidenceOptions(number=play["number"]),
                 on_step=report,
             )
-            with suppress(Exception, SystemExit):  # the play is what is asked for
+            with suppress(Exception, SystemExit):  # the episode is what is asked for
                 env.close()
     _write(Path(folder, "steps"), played.episode.steps)
     if played.episode.states is not None:

@@ -1,4 +1,4 @@
-"""Probes and their decorator: a probe is a schedule of plays, and a function that looks at one.
+"""Probes and their decorator: a probe is a schedule of episodes, and a function that looks at one.
 
 `look` is asked again with shorter plays (of scripted actions) to find the shortest way to see
 something again, so it may depend on nothing but its play.
@@ -22,7 +22,7 @@ Watcher: TypeAlias = Callable[[ProbeSession, EpisodePlan], Iterator[Saw]]
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """A schedule of plays that lets promises be seen to hold or break.
+    """A schedule of episodes that lets promises be seen to hold or break.
 
     Attributes:
         name: checks name it in `needs`.
@@ -67,7 +67,7 @@ def probe(
     tries: int | None = None,
     on_top: float = 0.0,
 ) -> Callable[[Watcher], Probe]:
-    """Makes a probe of a function that looks at one play; the arguments are `Probe`'s."""
+    """Makes a probe of a function that looks at one episode; the arguments are `Probe`'s."""
 
     def made(look: Watcher) -> Probe:
         about = inspect.cleandoc(look.__doc__ or "")

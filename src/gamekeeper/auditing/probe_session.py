@@ -42,7 +42,7 @@ Steering: TypeAlias = Callable[[ActionChooser, Any], ActionChooser]
 """From the random policies and the environment to the policies that play."""
 
 LEAST_TURNS: Final = 20
-"""A play shorter than this shows too little."""
+"""An episode shorter than this shows too little."""
 RESET_STEPS: Final = 1
 """Cost of a reset in the budget, in steps."""
 
@@ -105,11 +105,11 @@ class ProbeSession:
         seed: play k is reset with `seed + k`; one above the audit's, as 0 is easily taken for no
             seed: that is for a probe of its own to see, and no other probe's noise.
         ration: environment steps that the probe may take in all.
-        base: the first play of the look, with its actions, once it was played.
+        base: the first episode of the look, with its actions, once it was played.
         holds_entropy: plays differ by themselves, by generators that nobody seeded: the system's
             entropy is held still, so that other faults can be seen.
-        class_state: plays differ since instances share it; put back before each play and instance.
-        workers: processes that play elsewhere, by their hash seed; all probes share them.
+        class_state: plays differ since instances share it; put back before each episode and
+        instance. workers: processes that play elsewhere, by their hash seed; all probes share them.
         unlike: the first episode that another probe saw differ in an instance that had played it;
             all probes share it.
     """
@@ -200,12 +200,12 @@ class ProbeSession:
         """Plays in `env` (a fresh instance if None), with random legal actions or scripted ones.
 
         The generators of the whole process start from one seed unless `hold` is False, so that who
-        draws from them makes no difference between a play, its unchanged rerun and its
+        draws from them makes no difference between an episode, its unchanged rerun and its
         counterfactual.
 
         `steer` makes of the random policies those that choose in their place.
 
-        The first play of a look is its `base`: its actions are what a reader plays again.
+        The first episode of a look is its `base`: its actions are what a reader plays again.
         """
         if self.class_state is not None:
             self.class_state.restore()
@@ -251,7 +251,7 @@ class ProbeSession:
     def beside(
         self, base: Episode, unchanged_rerun: Episode, changed: Episode, change: Mapping[str, Any]
     ) -> ProbeCounterfactual:
-        """Episodes of a play: as it was, once more with nothing changed, and with a change."""
+        """Episodes of an episode: as it was, once more with nothing changed, and with a change."""
         volatile = tuple(self.contract.volatile_infos())
         return ProbeCounterfactual(base, unchanged_rerun, changed, change, volatile)
 
@@ -283,7 +283,7 @@ class ProbeSession:
         return self.call("step", env.step, actions)
 
     def at(self, turn: int | None = None, agent: Any = None, field: str = "") -> Where:
-        """A place in the play in hand."""
+        """A place in the episode in hand."""
         return Where(
             self.probe, self.number, turn, None if agent is None else agent_name(agent), field
         )
@@ -297,7 +297,7 @@ class ProbeSession:
         field: str = "",
         proof: Reproducer | None = None,
     ) -> Fact[Kind]:
-        """A fact of the play in hand."""
+        """A fact of the episode in hand."""
         return Fact(self.at(turn, agent, field), value, proof)
 
     def space_of(self, agent: Any) -> Any:
@@ -321,5 +321,5 @@ class ProbeSession:
 
 @cache
 def _random() -> Chosen:
-    """The policy of every play, looked up once: that asks all distributions that are installed."""
+    """The policy of every episode, looked up once, as that asks all installed distributions."""
     return resolve("random")

@@ -13,7 +13,7 @@ from gamekeeper.episodes.agent_spec import AgentSpec
 
 @dataclass(frozen=True, slots=True)
 class AuditResult:
-    """Verdicts on one environment, and the game form as it was measured.
+    """Verdicts on one environment, and the structure as it was measured.
 
     Attributes:
         environment: as it was named.
@@ -22,7 +22,7 @@ class AuditResult:
         steps: of the environment that were taken.
         seed: the verdicts are the same whenever it is.
         verdicts: one for each check, by id.
-        measured: the game form as it was seen, beside what is declared.
+        measured: the structure as it was seen, beside what is declared.
         timings: seconds by probe, and for judging and shrinking.
         agents: the roster, each with `observation_space` and `action_space` in words.
         declared: the contract as plain data; None where there was none.

@@ -12,10 +12,10 @@ from gamekeeper.episodes.where import Where
 class Reproducer:
     """Lines of Python that raise while the fault is there, and pass once it is fixed.
 
-    They stand after a play: `env` is where it has led, and with a Parallel environment
+    They stand after an episode: `env` is where it has led, and with a Parallel environment
     `observations`, `rewards`, `terminations`, `truncations`, `infos` are what the last call gave
     (after no step at all only `observations` and `infos`). `make()` builds another instance, `SEED`
-    and `ACTIONS` are the play, `np` is numpy.
+    and `ACTIONS` are the episode, `np` is numpy.
 
     Attributes:
         lines: Python.
@@ -23,10 +23,10 @@ class Reproducer:
         imports: modules that the lines need, beside numpy.
         options: what `make()` hands to the factory, beside the user's own arguments; `plain()`
             is then an instance without them.
-        compares: two plays are compared, one of them with a trigger (an extra call, another order,
-            a write): the same play twice, without the trigger, must be equal.
-        unchanged: lines that take the place of `lines` to see that; None: the play twice. Empty:
-            there is no trigger, the plays differ by themselves.
+        compares: two episodes are compared, one of them with a trigger (an extra call, another
+            order, a write): the same episode twice, without the trigger, must be equal.
+        unchanged: lines that take the place of `lines` to see that; None: the episode twice. Empty:
+            there is no trigger, the episodes differ by themselves.
     """
 
     lines: str

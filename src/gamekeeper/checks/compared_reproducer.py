@@ -1,4 +1,4 @@
-"""Proofs that tell a play twice, as it is and with something meddled in, and compare the two."""
+"""Proofs that play an episode twice, as it is and with a trigger, and compare the two."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ WORDS: Final = {"obs": "observation", "cumulative_reward": "reward", "live": "ro
 
 _PARALLEL = '''\
 def story(meddle):
-    """All that a play gives, with `meddle` called between its steps."""
+    """All that an episode gives, with `meddle` called between its steps."""
     env = make()
     out = env.reset(seed=SEED)
     told = [copy.deepcopy(out)]
@@ -27,7 +27,7 @@ def story(meddle):
 '''
 _AEC = '''\
 def story(meddle):
-    """All that a play gives, with `meddle` called between its steps."""
+    """All that an episode gives, with `meddle` called between its steps."""
     env = make()
     env.reset(seed=SEED)
     told = []
@@ -67,7 +67,7 @@ def story_proof(
     Args:
         api: `aec` or `parallel`.
         meddling: Python over `env` and (Parallel) `out`, what reset or step returned.
-        idle: what stands there in the play that it is compared with.
+        idle: what stands there in the episode that it is compared with.
         first: lines before all others.
         infos: in an AEC environment, whether infos are compared too.
         early: in an AEC environment, meddle before `last()` too, not only before `step`.
@@ -97,7 +97,7 @@ def _indented(lines: str) -> str:
 
 
 def first_divergence_words(first_divergence: Divergence) -> str:
-    """In words where a play went another way, with both values where they are short."""
+    """In words where an episode went another way, with both values where they are short."""
     field = WORDS.get(first_divergence.field, first_divergence.field)
     whose = "" if first_divergence.agent is None else f" of {first_divergence.agent!r}"
     one, other = shown(first_divergence.recorded), shown(first_divergence.replayed)

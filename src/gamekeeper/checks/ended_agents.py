@@ -1,4 +1,4 @@
-"""Agents that have ended, rosters and ticks of a play, turn by turn."""
+"""Agents that have ended, rosters and ticks of an episode, turn by turn."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ def is_up(flag: Any) -> bool:
 
 
 def plays_with_rosters(evidence: ProbeEvidence) -> Iterator[tuple[Episode, list[list[str]]]]:
-    """Each play of the rollouts, with the roster at the start of each of its turns."""
+    """Each episode of the rollouts, with the roster at the start of each of its turns."""
     for look in evidence.looks.get("rollout", ()):
         rosters = look.fact(TurnRosters)
         if look.episodes and rosters is not None:

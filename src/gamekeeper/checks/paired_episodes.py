@@ -1,4 +1,4 @@
-"""Cases about one play that was played twice, and programs that play it twice."""
+"""Cases about one episode that was played twice, and programs that play it twice."""
 
 from typing import Any, Final
 
@@ -21,9 +21,9 @@ from gamekeeper.episodes.canonical import shown
 from gamekeeper.episodes.divergence import Divergence, shown_pair
 from gamekeeper.episodes.where import PAID_BY, Where
 
-FIELD: Final = "compared play"
-"""Names the place where two plays part, whatever it is in that differs."""
-SAME: Final = "the same play"
+FIELD: Final = "rerun"
+"""Names the place where two episodes part, whatever it is in that differs."""
+SAME: Final = "the same episode"
 
 MOST_SHOWN: Final = 80
 """Characters of an array or a dictionary."""
@@ -34,7 +34,7 @@ _PAID: Final = PAID_BY | {"reward", "action"}
 def settled_by_seed(contract: Contract, evidence: ProbeEvidence) -> str | None:
     """Reason why there is no case where a seed needn't settle the episode."""
     if contract.seeds.deterministic is False:
-        return "the contract declares that a seed doesn't settle the play"
+        return "the contract declares that a seed doesn't settle the episode"
     return None
 
 
@@ -53,7 +53,7 @@ def parted(
 
 
 def whole(counterfactual: ProbeCounterfactual) -> Where:
-    """The play of a counterfactual as a whole."""
+    """The episode of a counterfactual as a whole."""
     return counterfactual.base.at(None, None, FIELD)
 
 
@@ -116,16 +116,16 @@ def program(
 ) -> Reproducer:
     """A program whose `play(env, seed=SEED, between=...)` gives what was seen, as text by turn.
 
-    Its `alike(one, other)` raises at the first turn in which two plays differ. An error of the
+    Its `alike(one, other)` raises at the first turn in which two episodes differ. An error of the
     environment is seen like all else, and ends the play.
 
     Args:
         lines: what is done with it.
         tells: `infos` (not where some of them may differ), `state`.
         imports: modules that the lines need.
-        reset: how each play begins; without an argument it is another one than with None.
-        unchanged: the lines without what makes the plays differ; empty where nothing does but the
-            environment itself.
+        reset: how each episode begins; without an argument it is another one than with None.
+        unchanged: the lines without what makes the episodes differ; empty where nothing does but
+            the environment itself.
     """
     body = _parallel(reset, tells) if api == "parallel" else _aec(reset, tells)
     told = [
@@ -180,7 +180,7 @@ def _aec(reset: str, tells: frozenset[str]) -> list[str]:
 
 
 def ignores_seeds(evidence: ProbeEvidence) -> bool:
-    """Tells whether all seeds gave one play, and resets without a seed several openings."""
+    """Tells whether all seeds gave one episode, and resets without a seed several openings."""
     for look in evidence.looks.get("unseeded", ()):
         seeded, openings = look.fact(SeededEpisodes), look.fact(UnseededOpenings)
         if seeded is None or openings is None:
@@ -206,7 +206,7 @@ def draws_nothing(contract: Contract, evidence: ProbeEvidence) -> str | None:
     seeded = [fact.value.digests for fact in evidence.facts(SeededEpisodes)]
     unseeded = [fact.value.digests for fact in evidence.facts(UnseededEpisodes)]
     if seeded and not evidence.blind and all(len(set(each)) == 1 for each in (*seeded, *unseeded)):
-        return "no seed and no reset without one led to another play: nothing was drawn"
+        return "no seed and no reset without one led to another episode: nothing was drawn"
     return None
 
 
@@ -222,8 +222,8 @@ def used_beside_fresh(
     """Plays in a used instance and in a fresh one.
 
     Args:
-        before: seed and actions of the episode that goes before; None: of the play itself.
-        times: how often it goes before; more than once only the play itself, or one without
+        before: seed and actions of the episode that goes before; None: of the episode itself.
+        times: how often it goes before; more than once only the episode itself, or one without
             actions.
     """
     often = ["play(used)"] if times == 1 else [f"for _ in range({times}):", "    play(used)"]
@@ -254,7 +254,7 @@ def counterfactual_cases(
 ) -> Cases:
     """Compares a counterfactual with its base; yields nothing where the unchanged rerun diverges.
 
-    A play that isn't the same twice may part from itself earlier or later each time, so that a
+    An episode that isn't the same twice may part from itself earlier or later each time, so that a
     unchanged rerun which happens to part later than the counterfactual accuses nobody.
     """
     found = counterfactual.divergence

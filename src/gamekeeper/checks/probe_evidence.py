@@ -18,7 +18,7 @@ class Fact(Generic[Kind]):
     """Observation of a probe that is no turn: an exception, a changed array, a time, a frame.
 
     Attributes:
-        where: the play, and as far as there is one the turn, the agent and the field.
+        where: the episode, and as far as there is one the turn, the agent and the field.
         value: of a frozen class in `checks/facts/`; a check decides what it means.
         proof: how a reader sees it again, where the probe knows better than the check.
     """
@@ -37,13 +37,13 @@ class ProbeDeath:
 
 @dataclass(frozen=True, slots=True)
 class ProbeCounterfactual:
-    """A play and the same with one thing done differently.
+    """An episode and the same with one thing done differently.
 
     Attributes:
-        base: the play as it was.
+        base: the episode as it was.
         unchanged_rerun: the same once more with nothing changed; what differs here is nobody's
             doing.
-        episode: the play with the change.
+        episode: the episode with the change.
         change: what was changed, as plain data, its kind under `change`.
         volatile: fields of infos that may differ between equal plays.
     """
@@ -93,7 +93,7 @@ class ProbeEvidence:
         agents: what is known of each possible agent, its spaces as the environment gave them.
         looks: by probe, a look for each of its plays.
         not_exercised: probes that couldn't look, and why.
-        blind: reason why no two plays can be compared; empty where they can.
+        blind: reason why no two episodes can be compared; empty where they can.
     """
 
     api: str

@@ -16,7 +16,7 @@ REPLAY_PROOF = (
 
 @check("GK901", HIGH, "evidence", looks_at="an episode in which no step raised")
 def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A play replays bit for bit from its evidence: seed, options and the actions as they were written.
+    """An episode replays bit for bit from its evidence: seed, options and recorded actions.
 
     A recording is all that a later reader has. Where the same actions from the same seed give
     another episode already, this check says nothing: that is for the checks of seeds (GK6xx).
@@ -31,10 +31,10 @@ def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: take actions as numbers, texts and arrays in an ordinary space, and let step() depend on
     their values alone
-    """  # noqa: E501  # the claim is one line
+    """  # the claim is one line
     for counterfactual in evidence.counterfactuals("evidence"):
         yield from counterfactual_cases(
-            counterfactual, "the play as it was recorded", Reproducer(REPLAY_PROOF)
+            counterfactual, "the episode as it was recorded", Reproducer(REPLAY_PROOF)
         )
     for fact in evidence.facts(UnwrittenActions):
         yield Case(
@@ -50,7 +50,7 @@ NAMES_PROOF = (
 
 @check("GK902", MEDIUM, "evidence")
 def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Agents can be told apart as text: no two are written alike, and none is empty.
+    """Agents' names differ as text, and none is empty.
 
     Tables, files and most trainers know agents by their text; the int 1 and the text "1" become
     one. Agents that aren't texts are fine as long as their texts differ.

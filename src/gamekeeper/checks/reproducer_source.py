@@ -34,7 +34,7 @@ def reproducer_of(
         function: imports, beside numpy, what it needs from modules at the head of its own.
         api: `aec`: `terminations` and the like are those of `env`.
         options: what `make()` hands to the factory.
-        compares: it compares two plays, one of them with a trigger.
+        compares: it compares two episodes, one of them with a trigger.
         values: its other arguments, written as literals.
     """
     books = {name: f"env.{name}" for name in BOOKS} if api == "aec" else {}

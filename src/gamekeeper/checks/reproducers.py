@@ -40,13 +40,13 @@ def go(env: Any, actions: Sequence[Any]) -> list[Any]:
 
 
 def alike(one: Sequence[str], other: Sequence[str]) -> None:
-    """Raises at the first turn in which two plays differ, with both from there on."""
+    """Raises at the first turn in which two episodes differ, with both from there on."""
     for turn, pair in enumerate(zip(one, other, strict=False)):
         if pair[0] != pair[1]:
             same = next((k for k, (a, b) in enumerate(zip(*pair, strict=False)) if a != b), 0)
             seen = [text[max(same - 60, 0) : same + 100] for text in pair]
             raise AssertionError(f"turn {turn} differs:\n  ...{seen[0]}\n  ...{seen[1]}")
-    assert len(one) == len(other), f"one play has {len(one)} turns, the other {len(other)}"
+    assert len(one) == len(other), f"one episode has {len(one)} turns, the other {len(other)}"
 
 
 def gives(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> list[Any]:
@@ -159,7 +159,7 @@ def states_forget(make: Callable[[], Any], seed: int, actions: Sequence[Any]) ->
     """Compares the states of an episode with those of the same one again."""
     env = make()
     first, second = states_of(env, seed, actions), states_of(env, seed, actions)
-    assert all(map(np.array_equal, first, second)), "the same play again has other states"
+    assert all(map(np.array_equal, first, second)), "the same episode again has other states"
 
 
 def states_move(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> None:

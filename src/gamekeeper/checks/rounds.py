@@ -1,4 +1,4 @@
-"""Rounds of a play: its ticks, and whether turns come in a fixed or rotating order."""
+"""Rounds of an episode: its ticks, and whether turns come in a fixed or rotating order."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -12,7 +12,7 @@ OTHER: Final = "other"
 
 
 def ticks(episode: Episode) -> list[range]:
-    """The turns of a play by ticks: one ends before somebody acts a second time in it.
+    """The turns of an episode by ticks: one ends before somebody acts a second time in it.
 
     The None step of an agent that had ended belongs to the tick before it.
     """

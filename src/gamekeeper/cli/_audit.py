@@ -170,10 +170,7 @@ def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
 
 
 def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Shows an audit: failed checks and a program, waived checks, the measured game form.
-
-    `show_verdict` comes last.
-    """
+    """Shows failed checks and a program, then suspected, minor and waived ones."""
     from gamekeeper.checks.check import checks
     from gamekeeper.reporting.audit_text import (
         minor_text,
@@ -182,12 +179,11 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
         verdicts_of,
         waived_text,
     )
-    from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
     source = document.get("source") or {}
     if source.get("file") and verdicts_of(document, "failed", "suspected"):
-        screen.show(f"Environment: {source['file']}:{source.get('line', 1)}")
+        screen.show(f"  source: {source['file']}:{source.get('line', 1)}")
     show_failed(screen, document)
     program = program_of(document)
     if program is not None:
@@ -207,21 +203,27 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
         suspected_text(document, width=width),
         minor_text(document, width=width),
         waived_text(document, known=known, width=width),
-        measured_text(document, width=width),
     )
     for part in filter(None, parts):
         screen.show(f"\n{part}")
-    if any(parts) or verdicts_of(document, "failed"):
-        screen.show("")
 
 
 def show_verdict(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Shows what an audit came to in its last line: the environment and the numbers of checks."""
+    """Shows the result of an audit in its first line: the environment and the numbers of checks."""
     from gamekeeper.reporting.audit_text import title_text
 
+    screen.verdict(title_text(document, width=screen.width), _manner(document))
     if document["stopped"]:
         screen.show(f"This audit is incomplete: {document['stopped']}.")
-    screen.verdict(title_text(document, width=screen.width), _manner(document))
+
+
+def show_measured(screen: Screen, document: Mapping[str, Any]) -> None:
+    """Shows what an audit measured, behind its findings."""
+    from gamekeeper.reporting.measured_text import measured_text
+
+    text = measured_text(document, width=screen.width)
+    if text:
+        screen.show(f"\n{text}")
 
 
 def show_failed(screen: Screen, document: Mapping[str, Any]) -> None:
@@ -281,7 +283,7 @@ def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:
     )
 
     if verdicts_of(document, "not_exercised"):
-        screen.note(not_exercised_text(document, width=screen.width))
+        screen.note(f"\n{not_exercised_text(document, width=screen.width)}")
     chances = chances_text(document, width=screen.width)
     if chances:
         screen.note(chances)

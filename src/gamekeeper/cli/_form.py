@@ -1,4 +1,4 @@
-"""The game form of an environment, looked at in a worker process and put together again here."""
+"""The structure of an environment, looked at in a worker process and put together again here."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class GameForm:
-    """Game form of an environment: what it shows before its first step, and its contract.
+    """Structure of an environment: what it shows before its first step, and its contract.
 
     Attributes:
         name: of the environment.
@@ -52,7 +52,7 @@ def look_at(
     silence_s: float,
     policies: Any = None,
 ) -> GameForm:
-    """The game form of an environment; it is opened in a process of its own, never stepped.
+    """The structure of an environment; it is opened in a process of its own, never stepped.
 
     Args:
         policies: by agent, role or `*`; one that can't play there is refused.

@@ -117,7 +117,7 @@ def shared(
         allow_import (--allow-import): Allow code that only the run names: a file, or a module that
             isn't installed.
         budget (--budget N): Environment steps of the checks; on top, up to half as many (5,000 at
-            most) measure the game form, and a quarter shrinks findings.
+            most) measure the structure, and a quarter shrinks findings.
         quick (--quick): Set the budget to 3,000 steps, which miss rare faults.
         workers (--workers N): Number of worker processes, each with an environment and policies of
             its own for its part of the episodes; the result is the same for any number where

@@ -14,6 +14,7 @@ from gamekeeper.cli._audit import (
     show_audit,
     show_audits,
     show_illegal_actions_of,
+    show_measured,
     show_verdict,
     worst_code,
     write_audit,
@@ -105,12 +106,13 @@ def command(
         if not hasattr(interrupted, "result"):  # before anything was known
             raise
         document, code = interrupted.result.to_json(), INTERRUPTED
+    show_verdict(screen, document)
     show_audit(screen, document)
     show_illegal_actions_of(screen, env[0])
     say_not_exercised(screen, document)
+    show_measured(screen, document)
     if out is not None:
         screen.note(f"written to {out}: {', '.join(write_audit(out, document))}")
-    show_verdict(screen, document)
     return CommandResult(document, audit_code(document, **exits) if code is None else code)
 
 

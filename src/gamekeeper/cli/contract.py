@@ -1,4 +1,4 @@
-"""`gamekeeper contract ENV`: the game form as a card, and declarations that are missing."""
+"""`gamekeeper contract ENV`: the structure as a card, and declarations that are missing."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,9 +29,9 @@ def command(
     seed: int = 0,
     timeout: float = SILENCE_S,
 ) -> CommandResult:
-    """Shows the game form of an environment, and asks for missing declarations.
+    """Shows the structure of an environment, and asks for missing declarations.
 
-    The game form: the order in which agents act, observe, are rewarded and end. The environment
+    The structure: the order in which agents act, observe, are rewarded and end. The environment
     is opened, not stepped, unless --measure plays it to propose answers. With --out my_env.toml a
     draft to fill in is written; beside my_env.py it is found automatically. --draft asks least: it
     declares what holds of nearly every environment, proposes what it measures, and says of each

@@ -164,7 +164,7 @@ def command(
     For two runs: episode, turn, agent and field, with both values; if environment, arguments or
     seeds differ, these, as turns can't be compared then. Two environments are audited
     with the same seed and budget, and episodes of A are replayed in B: agents, spaces, measured
-    game form, failed checks, and the first row that differs.
+    structure, failed checks, and the first row that differs.
 
     Exit code 0: the same. 1: different.
 

@@ -30,7 +30,7 @@ def command(
     title: str | None = None,
     opens: bool = False,
 ) -> CommandResult:
-    """Writes a report as one HTML file: game form, checks, agents, player, causes, provenance.
+    """Writes a report as one HTML file: structure, checks, agents, player, causes, provenance.
 
     The page loads nothing from the network. Results of `diagnose`, `attribute` and `label` that
     are stored in the run are included; for a missing one, the page names the command that makes

@@ -1,4 +1,4 @@
-"""`gamekeeper run ENV`: game form, quick audit, recording and replay with one command."""
+"""`gamekeeper run ENV`: structure, quick audit, recording and replay with one command."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def command(
     memory: int | None = None,
     no_audit: bool = False,
 ) -> CommandResult:
-    """Shows the game form, audits quickly, records episodes and replays them.
+    """Shows the structure, audits quickly, records episodes and replays them.
 
     The summary shows return, length and endings of each agent. A folder that holds something is
     refused as --out, before anything is done.
@@ -142,7 +142,7 @@ def said_if_interrupted(screen: Screen, text: str) -> Iterator[None]:
 def open_here(
     screen: Screen, plan: RolloutPlan, env: str, *, timeout: float, kwargs: str | None
 ) -> GameForm:
-    """Opens the environment, and shows its game form and what it doesn't declare."""
+    """Opens the environment, and shows its structure and what it doesn't declare."""
     with said_if_interrupted(screen, f"interrupted before the recording: {NO_RUN}"):
         with screen.progress("opening"):
             form = look_at(

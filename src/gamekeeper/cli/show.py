@@ -27,7 +27,7 @@ def command(
     allow_import: bool = False,
     timeout: float = SILENCE_S,
 ) -> CommandResult:
-    """Shows a run or an evaluation, or the game form and wrappers of an environment.
+    """Shows a run or an evaluation, or the structure and wrappers of an environment.
 
     A run may still be recording, or have been killed. For an environment, wrappers that `gk.make`
     replaces by one faster wrapper are listed beside those that stay. With --against, results that

@@ -1,4 +1,4 @@
-"""The contract: the game form of an environment as frozen data, from and to TOML."""
+"""The contract: the structure of an environment as frozen data, from and to TOML."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contract:
-    """A game form that doesn't contradict itself; what is None or empty is not declared.
+    """A structure that doesn't contradict itself; what is None or empty is not declared.
 
     Whatever way it is made, it is read and checked as a file would be, so dictionaries may stand
     for tables and a contract that exists is valid.
@@ -72,7 +72,7 @@ class Contract:
         rewards: terms by name; their sum is the reward.
         after_end: agents that ended are paid: `forbidden` or `allowed` (`rewards.after_end`).
         endings: by the name of their reason.
-        seeds: what a seed settles.
+        seeds: what a seed determines.
         infos: fields of the infos by name.
         knobs: arguments that make the task harder, by name.
         scene: how a turn is drawn.

@@ -63,13 +63,12 @@ class Failure:
         missing = sorted(name for name in self.names if name not in values)
         if missing:
             raise ContractError(
-                f"the failure condition asks for {', '.join(map(repr, missing))}, which nothing "
-                "measures",
+                f"the failure condition needs {', '.join(map(repr, missing))}, which isn't "
+                "measured",
                 where=self.text,
-                expected=", ".join(sorted(values)),
+                expected=_measured_names(values),
                 actual=", ".join(missing),
-                fix="use a name that is listed, or report it in the infos; where agents are told "
-                "different values, write AGENT.NAME or a condition for each agent",
+                fix="use one of these names, or report it in the infos",
             )
 
     def holds(self, values: Mapping[str, Value]) -> bool:
@@ -99,6 +98,16 @@ class Failure:
                 fix="compare it with a bound",
             )
         return bool(found)
+
+
+def _measured_names(values: Mapping[str, Value]) -> str:
+    """The measured names, each once, and how one of an agent or a role is written."""
+    alone = sorted(name for name in values if "." not in name)
+    scoped = {name.partition(".")[2]: name for name in sorted(values, reverse=True) if "." in name}
+    text = ", ".join([*alone, *(scoped[name] for name in sorted(scoped.keys() - set(alone)))])
+    if not scoped:
+        return text
+    return f"{text}; of an agent or a role: {min(scoped.values())}"
 
 
 class _ConditionReader:

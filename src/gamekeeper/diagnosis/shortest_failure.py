@@ -198,7 +198,7 @@ def _opened(evidence: Evidence, env: object | None) -> Opened:
 
 
 def _keep(opened: Opened, play: EpisodePlan, folder: Path, contract: Contract) -> None:
-    """Records a play into a run."""
+    """Records an episode into a run."""
     with closing(recorder_of(opened, folder, contract)) as sink:
         capture = capture_of(opened.env, sink=sink)
         EpisodeLoop(play, capture, None, Hooks(), None, lambda: None, contract).run()

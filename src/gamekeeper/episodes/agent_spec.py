@@ -1,4 +1,4 @@
-"""One agent's line of the game form: its contract's declarations beside its spaces."""
+"""One agent's line of the structure: its contract's declarations beside its spaces."""
 
 from __future__ import annotations
 

@@ -136,8 +136,8 @@ def failures(
             where="failure",
             expected="[failure] in the contract",
             actual="none",
-            fix=f"give a condition, such as failed='{_example(outcomes, contract)}', --failed on "
-            "the command line",
+            fix=f"give a condition: --failed '{_example(outcomes, contract)}' (in Python, "
+            "failed=...)",
         )
     return contract.failure
 

@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 
 MOST_BROKEN: Final = 0.05
 """Part of the episodes that may have broken off where the others stand for all."""
-MOST_NAMED: Final = 4
+MOST_NAMED: Final = 2
 """Subjects that a refusal names; the others are counted."""
 POINT: Final[dict[str, Callable[[FloatArray], Any]]] = {
     "mean": np.mean,

@@ -44,7 +44,7 @@ OnMessage = Callable[[dict[str, Any]], None]
 
 @dataclass(slots=True)
 class EvaluationRun:
-    """Plan of the play of an evaluation: environments, policies, storage.
+    """Plan of the episode of an evaluation: environments, policies, storage.
 
     Attributes:
         is_here: it is this process, so that objects needn't be named.

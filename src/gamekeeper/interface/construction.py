@@ -59,7 +59,7 @@ def foreign(doing: str, *, where: str, pip: str = "") -> Iterator[None]:
             f"{doing} raised {said}",
             where=where,
             actual=f"\n{foreign_traceback(error)}",
-            fix=_fix(error, pip),
+            fix=_fix(error, pip, where),
         ) from error
 
 
@@ -77,13 +77,15 @@ def foreign_traceback(error: BaseException) -> str:
         return cut(traceback_text(error, limit=-MOST_FRAMES).rstrip(), MOST_CHARS)
 
 
-def _fix(error: BaseException, pip: str) -> str:
+def _fix(error: BaseException, pip: str, where: str) -> str:
     if isinstance(error, ModuleNotFoundError) and error.name:
         top = error.name.partition(".")[0]
         if not pip and any(Path(top + end).exists() for end in ("", ".py")):
+            file, _, name = where.partition(":")
+            module = ".".join(Path(file).with_suffix("").parts)
             return (
-                f"'{top}' lies in the current folder, which only a module's imports look through: "
-                "name it as package.module:NAME in place of a file"
+                f"'{top}' is in the current folder, which a file can't import from: name the "
+                f"environment by its module, {module}:{name or 'NAME'}"
             )
         line = pip or f"pip install {top}"
         return f"install what provides the module '{error.name}': {line}"

@@ -104,7 +104,7 @@ def _api(env: object) -> str:
     if isinstance(env, AECEnv):
         return "aec"
     raise ContractError(
-        "only a PettingZoo environment has a game form to draft",
+        "only a PettingZoo environment has a structure to draft",
         expected="an AECEnv or a ParallelEnv",
         actual=f"{type(env).__module__}.{type(env).__qualname__}",
         fix="hand over the environment that its factory returns",

@@ -29,6 +29,8 @@ SURE: Final = 0.995
 """Confidence from which on it isn't shown."""
 LARGE_SHARE: Final = 0.1
 """Share of cases from which on it is told that a fault in fewer could have been missed."""
+NEEDS: Final = "Not exercised ({count}), as no episode had"
+REASONS: Final = "Not exercised ({count})"
 RERUNS: Final = "it needs reruns"
 """Beginning of the reason for which a recorded run leaves most checks not exercised."""
 MOST_SHOWN: Final = 400
@@ -123,7 +125,7 @@ def rows_text(verdicts: Sequence[Document], run: str, *, width: int) -> str:
         width: columns that no line exceeds, as far as words allow.
     """
     rows = [
-        (each["id"], _short(f"{broken_rule(each)} First broken at {each['findings'][0]['where']}."))
+        (each["id"], _short(f"{broken_rule(each)} First failed at {each['findings'][0]['where']}."))
         for each in verdicts
     ]
     rows.append(("", f"(gamekeeper audit {run} says more)"))
@@ -196,8 +198,8 @@ def _finding(verdict: Document, width: int) -> str:
 
 
 def _cases(verdict: Document) -> str:
-    """`broken at 80 of 80 places checked; its program failed in 5 of 5 new processes, ...`."""
-    text = f"broken at {verdict['failed']:,} of {verdict['cases']:,} places checked"
+    """`failed in 80 of 80 cases; its program failed in 5 of 5 new processes, ...`."""
+    text = f"failed in {verdict['failed']:,} of {_counted(verdict['cases'], 'case')}"
     how = verdict["reproduced"]
     if how is not None:
         text += f"; its program failed in {how['failed']} of {how['tried']} new processes"
@@ -241,21 +243,25 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
 
 
 def not_exercised_text(audit: Document, *, width: int) -> str:
-    """Checks that were not exercised with what they claim, under the reason."""
-    by_reason: dict[str, list[Row]] = {}
+    """Ids of the checks that were not exercised, by what no episode had or another reason."""
+    needs: dict[str, list[str]] = {}
+    reasons: dict[str, list[str]] = {}
     reruns = 0
     for each in verdicts_of(audit, "not_exercised"):
-        reason, text = each["reason"], each["claim"]
-        if reason.startswith(RERUNS):
-            reruns += 1
-            continue
+        reason = each["reason"]
+        reruns += reason.startswith(RERUNS)
         if reason.startswith(f"{NO_CASE}: "):
-            reason, text = NO_CASE, f"{text} Needs: {reason.removeprefix(f'{NO_CASE}: ')}."
-        by_reason.setdefault(_short(reason), []).append((each["id"], _short(text)))
-    parts = [
-        _section(f"Checks not exercised ({len(rows)}): {reason}", rows, width)
-        for reason, rows in by_reason.items()
-    ]
+            needs.setdefault(reason.removeprefix(f"{NO_CASE}: "), []).append(each["id"])
+        elif not reason.startswith(RERUNS):
+            reasons.setdefault(reason, []).append(each["id"])
+    parts = []
+    for title, found in ((NEEDS, needs), (REASONS, reasons)):
+        count = sum(map(len, found.values()))
+        rows = [f"{', '.join(sorted(ids))}: {_short(text)}" for text, ids in found.items()]
+        lines = [line for x in rows for line in wrapped(x, width, first=INDENT, rest=INDENT * 2)]
+        parts += ["\n".join([title.format(count=count), *lines])] if rows else []
+    if parts:
+        parts[-1] += f"\n{INDENT}gamekeeper explain ID says what a check promises."
     if reruns:
         need = "check needs" if reruns == 1 else "checks need"
         parts.append(f"{reruns} {need} reruns: gamekeeper audit ENV (--json has their ids)")
@@ -278,10 +284,10 @@ def chances_text(audit: Document, *, width: int) -> str:
     few = [each for each in passed if (each.get("could_miss") or 0) > LARGE_SHARE]
     if not few:
         return ""
-    most = _counted(max(each["cases"] for each in few), "place")
+    most = _counted(max(each["cases"] for each in few), "case")
     text = (
-        f"{_counted(len(few), 'check')} passed but looked at {most} or fewer each, and may have "
-        f"missed a fault that shows at 1 place in {1 / LARGE_SHARE:.0f} (--json: cases, could_miss)"
+        f"Of those passed, {_counted(len(few), 'check')} had {most} or fewer: a fault in 1 case of "
+        f"{1 / LARGE_SHARE:.0f} could have been missed (--json: cases, could_miss)"
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
 

@@ -1,4 +1,4 @@
-"""The card of an environment: its game form on one page, as text, TOML and JSON."""
+"""The card of an environment: its structure on one page, as text, TOML and JSON."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A diagnosis on one screen: who, where it differs, what undoes it, how sure, what to try next."""
+"""A diagnosis on one screen: agent, first turn, repair, effect, and what to try next."""
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
@@ -51,7 +51,7 @@ def diagnosis_screen(
         options: of the command that gave it, by their names; the lines to paste keep them.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
-    rows = [*_who(document), *_differs(document), *_undone(document)]
+    rows = [*_agents(document), *_first_turn(document), *_repairs(document)]
     rows += [*_others(document), *_noted(document), *_left_out(document)]
     lines = [
         line
@@ -69,7 +69,7 @@ def _named(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     return {name: each for name, each in agents if each["answer"] in CAUSES}
 
 
-def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _agents(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Rows of the agents with a cause; agents with the same answer share one."""
     groups: dict[str, list[str]] = {}
     for name, each in _named(document).items():
@@ -79,30 +79,30 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         said = f"{cause}: {place}" if cause and cause not in place else place or cause
         text = f"({each['answer']}; {said})"
         if each["answer"] in NOBODYS:
-            name, text = "no agent.", f"{answer_sentence(each)}."
+            name, text = "none.", f"{answer_sentence(each)}."
         groups.setdefault(text, []).append(name)
     raised = [each["agent"] for each in document.get("raised") or ()]
     if not groups and raised:
-        yield "Who", f"{', '.join(raised)}: see what its policy raised, above"
+        yield "Agent", f"{', '.join(raised)}: see what its policy raised, above"
     elif not groups:
         whole = document["team"] or next(iter(document["agents"].values()))
-        yield "Who", f"no agent. {answer_sentence(whole)}."
+        yield "Agent", f"none. {answer_sentence(whole)}."
     for number, (text, names) in enumerate(groups.items()):
         if len(names) > 1:
             text = text.replace(f"{', '.join(names[:-1])} and {names[-1]}'s", "their")
-        yield "" if number else "Who", f"{', '.join(dict.fromkeys(names))} {text}"
+        yield "" if number else "Agent", f"{', '.join(dict.fromkeys(names))} {text}"
     for answer in dict.fromkeys(each["answer"] for each in _named(document).values()):
         yield "", f"{answer}: {CAUSES[answer]}"
 
 
-def _differs(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _first_turn(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """A row of the first turn at which a failed episode differs from its restored one."""
     first = restored_first(document)
     if first is not None and acted_text(first):
-        yield "Differs", f"{acted_text(first)}."
+        yield "When", f"{acted_text(first)}."
     elif first is not None:
         yield (
-            "Differs",
+            "When",
             f"{difference_place(first)} in episode {first['episode']}: the first difference to "
             f"the same episode with {first['intervention']}",
         )
@@ -118,24 +118,24 @@ def _tested(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return list(found.values())
 
 
-def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Rows of what undoes it, and how sure that is."""
+def _repairs(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Rows of the interventions that restore success, and their effect."""
     tests = _tested(document)
     firsts = {each["label"]: each for each in tests[::-1]}.values()  # of each label, the first
     shown = [each for each in tests if each in firsts]
     shown += [each for each in tests if each not in shown][: max(UNDOS - len(shown), 0)]
     for number, each in enumerate(shown):
-        yield "" if number else "Undone by", each["intervention"]
+        yield "" if number else "Repair", each["intervention"]
     if len(shown) < len(tests):
         yield "", f"and {len(tests) - len(shown)} more"
     beside = [name for each in _named(document).values() for name in each.get("beside", ())]
     for number, name in enumerate(dict.fromkeys(beside)):
-        yield "" if number else "So does", name
+        yield "" if number else "Also", name
     if tests:
         best = max(tests, key=lambda each: float(each["effect"]))
         whose = f"{best['intervention']}: " if len(tests) > 1 else ""
         yield (
-            "How sure",
+            "Effect",
             f"{whose}{_change(document, best)} (95 % interval {best['low']:+.2f} to "
             f"{best['high']:+.2f}), {p_text(best['p'])}, {best['n']} new episodes with it and the "
             "same without",
@@ -158,7 +158,7 @@ def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     named = _named(document)
     others = [name for name in document["agents"] if name not in named]
     if named and others:
-        yield "Not named", f"{few(others)} (no cause found in what was tried)"
+        yield "Others", f"{few(others)}: no cause found in what was tried"
 
 
 def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

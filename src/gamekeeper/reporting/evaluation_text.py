@@ -49,13 +49,15 @@ Row = Mapping[str, Any]
 def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
     """Environment by environment: returns, success and endings, agents; then comparisons.
 
-    Below stand the meaning of the columns, notes on how it was played, and claims.
+    Supported claims come first; below the tables the meaning of the columns, notes and refused
+    claims.
 
     Args:
         document: an evaluation as plain data.
         width: columns that no line exceeds, as far as names allow.
     """
     blocks = ["\n".join(_head(document, width))]
+    blocks += [*_items("Supported claims", document["claims"], width)]
     for name in document["environments"]:
         rows = [row for row in document["results"] if row["environment"] == name]
         blocks += [
@@ -77,35 +79,31 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
         blocks.append("\n".join(_overall(overall, width)))
     if document["comparisons"]:
         blocks.append("\n".join(_comparisons(document["comparisons"], width)))
-    heads = "\n".join(line for block in blocks[1:] for line in block.splitlines())
+    tables = blocks[1 + bool(document["claims"]) :]
+    heads = "\n".join(line for block in tables for line in block.splitlines())
     columns = [(word, text) for word, text in COLUMNS.items() if _has_word(heads, word)]
     if columns:
         blocks.append("\n".join(["Columns", *table_lines(columns, width=width)]))
-    for title, texts in (
-        ("Notes", document.get("notes") or ()),
-        ("Supported claims", document["claims"]),
-    ):
-        if texts:
-            blocks.append(
-                "\n".join([title, *(line for t in texts for line in item_lines(t, width))])
-            )
+    blocks += [*_items("Notes", document.get("notes") or (), width)]
     if document["refused"]:
         blocks.append("\n".join(["Refused claims", *_refused(document["refused"], width)]))
     return "\n\n".join(blocks)
 
 
+def _items(title: str, texts: Sequence[str], width: int) -> Iterator[str]:
+    """A heading and its sentences; nothing without any."""
+    if texts:
+        yield "\n".join([title, *(line for t in texts for line in item_lines(t, width))])
+
+
 def _refused(rows: Sequence[Row], width: int) -> Iterator[str]:
-    """Lines of refused claims; a reason that several share stands once, in front of them."""
+    """Lines of refused claims, a reason each, with the first claim that it is the reason of."""
     by_reason: dict[str, list[str]] = {}
     for row in rows:
         by_reason.setdefault(row["why"], []).append(row["what"])
     for why, what in by_reason.items():
-        if len(what) == 1:
-            yield from item_lines(f"{what[0]}: {why}", width)
-            continue
-        yield from item_lines(why, width)
-        for text in what:
-            yield from wrapped(f"- {text}", width, first=INDENT * 2, rest=INDENT * 3)
+        more = f"; and {len(what) - 1} more" if len(what) > 1 else ""
+        yield from item_lines(f"{what[0]}{more}: {why}", width)
 
 
 def _has_word(text: str, word: str) -> bool:

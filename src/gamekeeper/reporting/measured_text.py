@@ -1,4 +1,4 @@
-"""The game form as an audit measured it, beside what the contract declares."""
+"""The structure as an audit measured it, beside what the contract declares."""
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
@@ -42,8 +42,8 @@ LEFT_OUT: Final = ("positive", "negative")
 SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 """Keys that are shown in other words; names of agents and roles stay."""
 LABELS: Final = {
-    "deterministic": "the seed settles everything",
-    "legality": "moves change masks of others",
+    "deterministic": "deterministic by its seed",
+    "legality": "actions change others' masks",
     "order_sensitive": "order of actions matters",
 }
 """Rows of the table whose label is more than their key."""
@@ -54,14 +54,14 @@ ORDER_MATTERS: Final = {
 }
 """Effect of the order of the actions of one tick."""
 FITS: Final = {
-    "aec": "AEC (AECEnv) fits",
-    "parallel": "Parallel (ParallelEnv) fits",
+    "aec": "AEC fits",
+    "parallel": "Parallel fits",
     "either": "AEC and Parallel fit alike",
 }
 ERRORS: Final = "The environment raised exceptions, so this was left out of the measurement"
-ADVICE: Final = "Which API fits this game"
+ADVICE: Final = "AEC or Parallel"
 BESIDE_DECLARED: Final = "Measured beside declared"
-ALONE: Final = "Measured (none of it is declared)"
+ALONE: Final = "Measured (nothing is declared)"
 UNDECLARED: Final = "not declared"
 TICK: Final = "tick: one step in which every live agent acts once."
 SCHEDULE: Final = (
@@ -85,15 +85,17 @@ def measured_text(audit: Document, *, width: int) -> str:
         width: columns that no line exceeds, as far as names allow.
     """
     measured, declared = audit["measured"], audit.get("declared") or {}
-    rows = [
-        (
-            LABELS.get(key, key.replace("_", " ")),
-            _cut(_value(key, value, measured)) or unmeasured(measured, key),
-            _declared(declared_as(declared, key), value),
-        )
-        for key, value in measured.items()
-        if key not in APART
-    ]
+    rows, missing = [], []
+    for key in (key for key in measured if key not in APART):
+        label, value = LABELS.get(key, key.replace("_", " ")), measured[key]
+        text = _cut(_value(key, value, measured))
+        stated = _declared(declared_as(declared, key), value)
+        if not text and stated == UNDECLARED:
+            missing.append(label)
+        else:
+            rows.append((label, text or unmeasured(measured, key), stated))
+    if missing:
+        rows.append(("not measured", f"{', '.join(missing)} (reasons: --json)", UNDECLARED))
     parts = []
     if rows:
         are_any = any(row[2] != UNDECLARED for row in rows)

@@ -17,8 +17,8 @@ SOURCES: Final = {
 }
 """Sources of an action, in words."""
 LOSSES: Final = {
-    "draws": "most of it comes back if the same actions meet fresh draws: chance lost it",
-    "several": "no action that was tried of one agent alone keeps it",
+    "draws": "most of it returns with the same actions and new random draws: chance lost it",
+    "several": "no other action of one agent keeps it",
     "not tried": "other actions: not tried, the budget is spent",
 }
 """The reason why success was lost, where no agent's other action keeps it."""
@@ -83,12 +83,12 @@ def _alike(each: Mapping[str, Any]) -> str:
 def _several(why: str, episodes: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
     """Lines of episodes of which the same is said."""
     numbers = ", ".join(str(each["episode"]) for each in episodes)
-    yield f"{len(episodes)} episodes failed, and no turn of them is named: {numbers}", ""
+    yield f"{len(episodes)} episodes failed without a pivot: {numbers}", ""
     yield why, INDENT
     played = sum(point["n"] for each in episodes for point in each["curve"])
     if played and why == NO_ACTION:
-        yield f"all {played:,} continuations on fresh draws that were tried failed", INDENT
-    yield "next: gamekeeper diagnose looks for a fault that all episodes have", INDENT
+        yield f"all {played:,} continuations with new random draws failed", INDENT
+    yield "next: gamekeeper diagnose, which looks for a fault in all episodes", INDENT
 
 
 def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str]]:
@@ -100,7 +100,7 @@ def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str
         first = curve[0]
         if first["turn"] < each["turns"]:  # at the end of the episode it is known
             start = f"from turn {first['turn']}: {share_text(first)}"
-            yield f"{start} succeed if the policies go on", INDENT
+            yield f"{start} continuations by the policies succeed", INDENT
     for pivot in each["pivots"]:
         yield from _pivot(pivot)
     if not each["pivots"]:
@@ -110,14 +110,14 @@ def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str
 def no_pivot_text(each: Mapping[str, Any]) -> str:
     """The reason why no turn of an episode is named."""
     curve = each["curve"]
-    seldom = "the policies seldom succeed from the first turn on"
+    seldom = "continued from the first turn, the policies seldom succeed"
     is_seldom = curve and curve[0]["turn"] == 0 and curve[0]["high"] <= 0.25
     if each["not_tried"]:
-        shown = "no fall at one turn was shown as far as the budget went"
+        shown = "the budget ended before a fall at one turn was found"
         return f"{seldom}, and {shown}" if is_seldom else shown
     if is_seldom:
         return f"{seldom}: no turn of this episode lost it"
-    return "no fall at one turn beyond chance: success was lost little by little, or before turn 0"
+    return "no fall at one turn beyond chance: success was lost gradually, or before turn 0"
 
 
 def _pivot(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -160,8 +160,8 @@ def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 def _all_fail(curve: list[Mapping[str, Any]]) -> str:
     count = sum(point["n"] for point in curve)
     if count:
-        return f"all {count} continuations on fresh draws that were tried failed"
-    return "no generator was seen to be drawn from, and the policies fail again from every turn"
+        return f"all {count} continuations with new random draws failed"
+    return "nothing is drawn at random, and the policies fail again from every turn"
 
 
 def _action(tried: Mapping[str, Any]) -> str:

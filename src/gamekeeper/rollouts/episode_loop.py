@@ -101,11 +101,11 @@ class EpisodePlan:
     Attributes:
         stream: number of the episode for the policies' random streams.
         actions: turn by turn; None: policies choose.
-        most_turns: the play is cut there.
+        most_turns: the episode is cut there.
         looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
         opening: states of generators and attributes, as a run has them; None: seed and options are
             all.
-        stand_ins: actions of live agents that a scripted tick leaves out, as in a play that was
+        stand_ins: actions of live agents that a scripted tick leaves out, as in an episode that was
             shortened; those of ended agents are dropped then. None: a tick is played as it is.
     """
 
@@ -169,7 +169,7 @@ class EvidenceOptions:
     Attributes:
         terms: reward terms in place of the contract's.
         label: the probe's name, for the episode's places.
-        number: of the play in its probe.
+        number: of the episode in its probe.
         state: also keep `state()`.
     """
 
@@ -203,7 +203,7 @@ def perform(
         change: the one thing done differently.
         contract: names the reward terms and the volatile infos.
         keep: what of it becomes evidence, and under which names.
-        on_step: called before every step; what it raises ends the play and comes out here.
+        on_step: called before every step; what it raises ends the episode and comes out here.
     Raises:
         GamekeeperError: Gamekeeper itself can't go on.
     """
@@ -368,7 +368,7 @@ class EpisodeLoop:
         return agent, self._chosen(agent, self._hooks.sees(turn, agent, observation), info)
 
     def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
-        assert self._joint_policy is not None, "a play without actions needs a joint policy"
+        assert self._joint_policy is not None, "an episode without actions needs a joint policy"
         self._call = "policy"
         return self._joint_policy.act(agent, observation, info)
 

@@ -1,7 +1,7 @@
 """Interventions: what a rerun can do differently, by hooks that are all idle unless taken.
 
 An intervention is a frozen dataclass that inherits from `Intervention`; its fields are its
-parameters. `start` gives the hooks for one play, so that nothing of one play is carried on.
+parameters. `start` gives the hooks for one episode, so that nothing of one episode is carried on.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Hooks:
         """After the reset (turn 0) and after every step, before anybody chooses."""
 
     def after(self, env: Any) -> None:
-        """Once the play is over; also where it broke off."""
+        """Once the episode is over; also where it broke off."""
 
 
 class PlacedHooks(Hooks):

@@ -68,7 +68,8 @@ def held(seed: int = HELD) -> Iterator[None]:
         yield
 
 
-# -- Other randomness in the middle of a play: every generator that an environment holds, reseeded
+# -- Other randomness in the middle of an episode: every generator that an environment holds,
+# reseeded
 
 APART: Final = 1 << 24
 """Draws between two stretches of a counter-based stream."""

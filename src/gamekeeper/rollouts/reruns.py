@@ -188,10 +188,10 @@ def shrink(
     turns: int | None = None,
     plain: Mapping[Any, Any] | None = None,
 ) -> EpisodePlan:
-    """The shortest play found that `still` shows it; the play itself where nothing shorter does.
+    """The shortest play found that `still` shows it; the episode itself where nothing shorter does.
 
     First the tail goes, then turns in between, then actions become plain ones. A live agent whose
-    action went with its turn takes a plain one, else its first, as `stand_ins` of the play say.
+    action went with its turn takes a plain one, else its first, as `stand_ins` of the episode say.
     `still` is asked as long as it answers; whoever has had enough answers no.
 
     Args:

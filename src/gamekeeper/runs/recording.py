@@ -514,5 +514,5 @@ def _broken(error: BaseException, capture: Any) -> EnvError:
     return EnvError(
         f"the environment {raised}",
         where=f"episode {capture.episode}, turn {turn}",
-        fix="the traceback stands above and in the run; the rows up to there were kept",
+        fix="see the traceback above, which is also in the run; the turns before it are recorded",
     )

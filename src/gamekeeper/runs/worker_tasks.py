@@ -1,4 +1,4 @@
-"""Tasks of worker processes: record a rollout, look at a game form, compare it with a run."""
+"""Tasks of worker processes: record a rollout, look at a structure, compare it with a run."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -23,7 +23,7 @@ from gamekeeper.rollouts.rollout_plan import RolloutPlan
 from gamekeeper.runs.recording import RolloutProgress, joint_policy_of, record_rollout
 from gamekeeper.terminal import say
 
-# -- What worker processes do with environments: record a rollout, look at a game form
+# -- What worker processes do with environments: record a rollout, look at a structure
 #
 # A task returns plain data. An error of the user's (`GamekeeperError`) is data too; any other
 # error that is raised here is a fault of ours and comes out as one.
@@ -62,7 +62,7 @@ def contract_task(
     contract: str | None,
     policies: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Opens an environment and looks at its game form, without a reset or a step.
+    """Opens an environment and looks at its structure, without a reset or a step.
 
     Args:
         policies: by agent, role or `*`; one that can't play here is refused.

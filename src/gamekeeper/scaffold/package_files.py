@@ -176,7 +176,7 @@ def files_of(plan: Plan) -> dict[str, str]:
 
 
 def contract_of(plan: Plan) -> Contract:
-    """The game form, every question answered.
+    """The structure, every question answered.
 
     Raises:
         ContractError: two answers contradict each other.

@@ -289,7 +289,7 @@ def _row_alerts(run: ShownRun, audit: Mapping[str, Any] | None) -> Iterator[str]
     told = {each["id"] for each in (audit or {}).get("verdicts", ()) if each["outcome"] == "failed"}
     for each in failed_rows(run.evidence):
         if each.id not in told:
-            where = f" First broken at {each.findings[0].where}." if each.findings else ""
+            where = f" First failed at {each.findings[0].where}." if each.findings else ""
             yield f"The recorded rows break {each.id}. {broken_rule(each.to_json())}{where}"
 
 

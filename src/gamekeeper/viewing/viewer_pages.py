@@ -42,7 +42,7 @@ SEED: Final = 0
 """Seed of the resamples of intervals."""
 FRAMES_BYTES: Final = 16 << 20
 """Size of the frames of one episode; of larger ones every second is sent, and so on."""
-TO_WHOLE: Final = (("Whole report: game form, agents, charts", "report"),)
+TO_WHOLE: Final = (("Whole report: structure, agents, charts", "report"),)
 TO_FRONT: Final = (("All episodes", "."),)
 COLUMNS: Final = ("run", "folder", "environment", "state")
 NO_FRAME: Final = "; frame-ancestors 'none'"

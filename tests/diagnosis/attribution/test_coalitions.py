@@ -88,7 +88,7 @@ def test_wanted_has_every_coalition_of_few_players() -> None:
 
 @given(st.integers(9, 16))
 def test_wanted_has_everybody_but_one(players) -> None:
-    """Difference rewards come from the same plays."""
+    """Difference rewards come from the same episodes."""
     masks, _ = wanted(players, rng=np.random.default_rng(0))
     assert {everyone(players) & ~(1 << k) for k in range(players)} <= set(masks)
 

@@ -296,14 +296,14 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     run = shown(recorded(), key="a", path="run", name="run")
     told = documents.diagnosis("w", PLAIN)
     found = {each.question: each for each in answers_of(run, Documents(diagnosis=told))}
-    said = found["What it did"].text
+    said = found["First turn"].text
     assert "does north (0); after " in said
     assert "it does stay (4), and the episode succeeds. north (0) is 90% of its actions" in said
     cause = found["Likely cause"]
     restored = next(each for each in told["counterfactuals"] if each["restored"])
     assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link
     assert (cause.word, "isolated" in cause.text) == ("one_0", True)
-    assert "new episodes succeed; unchanged, " in found["With one change"].text
+    assert "new episodes succeed; unchanged, " in found["Counterfactual"].text
 
 
 def test_a_cause_that_is_no_agents_own_is_named_with_its_reason() -> None:
@@ -336,7 +336,7 @@ def test_first_screen_says_which_turn_lost_an_episode() -> None:
         diagnosis=documents.diagnosis("w", PLAIN), pivots={"episodes": [each | {"pivots": []}]}
     )
     told = {a.question: a.text for a in answers_of(run, every)}
-    assert "isn't against the likely cause" in told["Lost at"]
+    assert "tested by an intervention" in told["Lost at"]
 
 
 def test_equal_values_are_not_called_the_lowest() -> None:
@@ -364,7 +364,7 @@ def test_causes_are_counted_apart_from_what_follows() -> None:
     found = {each.question: each for each in answers_of(run, Documents(audit=told))}
     assert found["Findings"].word == "1 cause, 1 follows from it"
     assert found["Findings"].lines == ("GK106  Should hold: It stays.",)
-    assert (found["With one change"].word, found["With one change"].badge) == ("tested", "tested")
+    assert (found["Counterfactual"].word, found["Counterfactual"].badge) == ("tested", "tested")
 
 
 def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: Path) -> None:
@@ -378,7 +378,7 @@ def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: 
     block = not_asked(replace(run, failed=(True,)), told, env="ENV")
     assert block is not None
     assert "pivots" in block.title
-    assert f"`gamekeeper view {run.path} --interactive`" in found["With one change"].text
+    assert f"`gamekeeper view {run.path} --interactive`" in found["Counterfactual"].text
 
 
 def test_missing_run_is_refused(tmp_path: Path) -> None:

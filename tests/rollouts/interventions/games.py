@@ -119,7 +119,7 @@ class Spy:
 def played(
     env: Any, change: Intervention | None, contract: Contract | None = CONTRACT, *, seed: int = 3
 ) -> tuple[EpisodeResult, list[tuple[Any, Any]]]:
-    """A play by the random policy, and what that was shown."""
+    """An episode by the random policy, and what that was shown."""
     spy = Spy(joint_policy_of("random", env, contract))
     play = EpisodePlan(seed=seed, stream=seed)
     done = perform(play, env, joint_policy=spy, change=change, contract=contract)

@@ -17,7 +17,7 @@ OWN = 2
 
 
 def played(places: tuple[int, ...]) -> Any:
-    """A play of the same actions, its generators at these places moved."""
+    """An episode of the same actions, its generators at these places moved."""
     env = Rovers()
     base = perform(
         EpisodePlan(seed=1, most_turns=8), env, joint_policy=joint_policy_of("random", env, None)

@@ -24,7 +24,7 @@ def test_held_starts_from_one_seed_and_leaves_no_trace() -> None:
 
 
 def test_disturbed_generators_are_put_back_after_the_play() -> None:
-    """A play disturbs them between all turns and leaves them as they were."""
+    """An episode disturbs them between all turns and leaves them as they were."""
     env, seen = Rovers(), []
     before = states()
     perform(

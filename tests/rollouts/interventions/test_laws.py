@@ -35,7 +35,7 @@ DONE = [name for name, change in PERTURBATIONS.items() if change.ON == "done"]
 
 
 def made(name: str, *, agents: tuple[str, ...] | None = None) -> Perturbation:
-    """One that is strong enough to be felt in a short play, and leaves some to chance."""
+    """One that is strong enough to be felt in a short episode, and leaves some to chance."""
     change = PERTURBATIONS[name]
     strengths = {"turns": change.USUAL, "deviation": change.MOST, "probability": 0.7, "part": 0.7}
     return change(agents=agents, strength=strengths[change.UNIT])
@@ -122,7 +122,7 @@ def test_change_that_is_unknown_is_refused(data: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("name", PERTURBATIONS)
 def test_strength_0_is_the_unchanged_rerun(name: str) -> None:
-    """With strength 0 every row is the row of a play without a change."""
+    """With strength 0 every row is the row of an episode without a change."""
     unchanged, _ = played(Shown("dict"), None)
     base, _ = played(Shown("dict"), PERTURBATIONS[name](strength=0.0))
     assert compare(unchanged.episode, base.episode).is_exact

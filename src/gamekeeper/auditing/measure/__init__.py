@@ -1,1 +1,1 @@
-"""The parts of the game form as it was measured, a module each. Pure."""
+"""The parts of the structure as it was measured, a module each. Pure."""

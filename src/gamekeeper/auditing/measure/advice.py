@@ -14,8 +14,8 @@ from gamekeeper.statistics.significance import wilson
 
 REASONS: Final = ("state", "legality", "reward")
 EITHER: Final = (
-    "agents of a round have nothing to do with each other: both APIs keep the game; Parallel takes "
-    "one step a round, AEC one for each agent"
+    "agents of a round don't affect each other; Parallel takes one step a round, AEC one for each "
+    "agent"
 )
 
 
@@ -63,14 +63,14 @@ def advice(signs: RoundSigns) -> FormAdvice:
     if signs.looks < FEWEST:
         reason = "the unchanged rerun differs by itself" if signs.unsettled else "few could be made"
         text = (
-            f"only {signs.looks} comparisons of other agents with one move replaced ({reason}): "
+            f"only {signs.looks} comparisons of other agents with one action replaced ({reason}): "
             "declare schedule.order and schedule.observe"
         )
         return FormAdvice(None, (), text)
     bound = wilson(0, signs.looks).high
     if not signs.hits:
         text = (
-            f"in {signs.looks:,} comparisons no move changed anything of another agent "
+            f"no action changed anything of another agent in {signs.looks:,} comparisons "
             f"(below {bound:.3f})"
         )
         return FormAdvice("either", (), f"{text}; {EITHER}")
@@ -95,21 +95,21 @@ def _of_aec(signs: RoundSigns) -> FormAdvice | None:
 def _of_parallel(signs: RoundSigns) -> FormAdvice | None:
     if signs.dictionary == "outcome":
         text = (
-            "as it is, the order of the action dictionary decides the outcome; in turns an order "
-            "is part of the game, and once a rule without an order settles it, Parallel fits"
+            "as it is, the order of the action dictionary decides the outcome; in AEC an order "
+            "is part of the rules; Parallel fits once a rule without an order decides"
         )
         return FormAdvice("aec", ("reward",), text)
     if signs.priority == "roster":
         text = (
-            "of two agents of a role, the move of the one that stands first in the roster changes "
+            "of two agents of a role, the action of the one that is first in the roster changes "
             "what the other is paid in the same tick, and never the reverse, whatever is drawn: "
             "ticks are resolved in turns, in an order that nobody declared"
         )
         return FormAdvice("aec", ("reward",), text)
     if signs.priority == "unclear":
         text = (
-            "whenever a move changed what another agent of its role is paid in the same tick, and "
-            "not the reverse, it went one way along the roster; that was too rare to exclude "
+            "whenever an action changed what another agent of its role is paid in the same tick, "
+            "and not the reverse, it went one way along the roster; that was too rare to exclude "
             "chance: declare schedule.conflicts, or raise the budget"
         )
         return FormAdvice(None, (), text)
@@ -121,7 +121,7 @@ def _together(signs: RoundSigns) -> FormAdvice:
         drawn = "; another order of the actions changed only which random draw was whose"
         drawn = drawn if signs.dictionary == "draws" else ""
         text = (
-            "no order of the moves of a tick was found to matter, though moves affect other "
+            "no order of the actions of a tick was found to matter, though actions affect other "
             f"agents (in {signs.hits:,} of {signs.looks:,} comparisons){drawn}"
         )
         return FormAdvice("parallel", (), text)
@@ -132,7 +132,7 @@ def _together(signs: RoundSigns) -> FormAdvice:
     return FormAdvice(
         "parallel",
         (),
-        f"in {looks} comparisons with one move replaced no later agent of the round found another "
-        f"observation, mask or reward for its own move (below {wilson(0, looks).high:.3f}): moves "
-        "are made together, though in turns",
+        f"in {looks} comparisons with one action replaced no later agent of the round had "
+        f"another observation, mask or reward (below {wilson(0, looks).high:.3f}): actions are "
+        "simultaneous, though taken in turns",
     )

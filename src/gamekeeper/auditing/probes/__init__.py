@@ -1,1 +1,1 @@
-"""Probes: schedules of plays that let promises be seen to hold or break, one file each."""
+"""Probes: schedules of episodes that let promises be seen to hold or break, one file each."""

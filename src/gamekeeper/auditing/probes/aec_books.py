@@ -14,9 +14,9 @@ from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 
 PLAYS: Final = 3
 RUNS: Final = 3
-"""A play itself, the one with marks, and the one that a reset cuts."""
+"""An episode itself, the one with marks, and the one that a reset cuts."""
 MOST_MARKS: Final = 12
-"""Steps of one play before which rewards are marked."""
+"""Steps of one episode before which rewards are marked."""
 MARK: Final = 1234.567
 """Added to a reward before a step, times its size and one."""
 NEAR: Final = 1e-3
@@ -25,9 +25,9 @@ NEAR: Final = 1e-3
 
 @probe("books", share=1.5, plays=lambda session: session.plays(PLAYS, runs=RUNS), api="aec")
 def books(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Books of an AEC environment: `last()` itself, what stands in `rewards`, resets.
+    """`last()`, `rewards` and cumulative rewards of an AEC environment, and its resets.
 
-    The episode; then the same play with marked rewards, and once more, cut by a reset.
+    The episode; then the same episode with marked rewards, and once more, cut by a reset.
 
     Facts:
         `LastRewards`, `MarkedReward`, `OwedAfterReset`.
@@ -56,7 +56,7 @@ def _marks(
 ) -> Iterator[Saw]:
     """Tells whether values in `rewards` before a step are gone after it.
 
-    Told by the difference from the play without marks, so that no reward is taken for a mark.
+    Told by the difference from the episode without marks, so that no reward is taken for a mark.
     """
     live = [
         turn.index

@@ -24,7 +24,7 @@ from gamekeeper.rollouts.process_randomness import HELD, seed_all
 from gamekeeper.rollouts.snapshots import is_same, snapshot
 
 MOMENTS: Final = 8
-"""Parts of a play, between which copies are made."""
+"""Parts of an episode, between which copies are made."""
 SHORT: Final = 3
 """Turns that a copy goes on; the one of the middle goes on to the end."""
 ELSEWHERE: Final = 1000
@@ -39,9 +39,9 @@ Told = list[tuple[str, Any, Any]]
 
 @probe("copies", share=0.8, plays=lambda session: session.plays(1, runs=8, most_turns=60))
 def copies(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Copies of an environment in mid-play go on beside the original, with the same actions.
+    """Copies made in mid-episode, stepped with the same actions as the original.
 
-    Copies at several moments of the play; then the copy goes on, then the original.
+    Copies at several moments of the episode; then the copy goes on, then the original.
 
     Facts:
         `CopiedEnv`.
@@ -91,7 +91,7 @@ def _copied(
     script: Sequence[Any],
     told: list[Told],
 ) -> Iterator[Fact[CopiedEnv]]:
-    """Copies made in one way at several moments of one play, up to the first that goes astray."""
+    """Copies made in one way at several moments of an episode, up to the first that differs."""
     env = session.env()
     _begin(session, env, play)
     count = len(script)
@@ -277,7 +277,7 @@ def _conversion_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("conversion", share=0.8, plays=_conversion_plays, api="aec")
 def conversion(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """An AEC environment that calls itself parallelizable behind PettingZoo's own conversion.
+    """An AEC environment with is_parallelizable, under PettingZoo's aec_to_parallel.
 
     Plays it behind the conversion, and looks whether observations wait for the cycle's end.
 

@@ -82,7 +82,7 @@ MOST_TURNS: Final = 120
 MOST_BYTES: Final = 192 << 20
 """Bytes of observations in the episode that is kept."""
 TWO_PLAYS: Final = 600
-"""With so many steps a second play confirms the first."""
+"""With so many steps a second episode confirms the first."""
 
 
 def _long_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
@@ -95,9 +95,9 @@ def _long_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("long", share=1.5, plays=_long_plays)
 def long(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """A long play, and the work of each of its turns: lines of Python and memory, never the clock.
+    """A long episode, with the lines of Python and the memory that each turn takes.
 
-    The work of each turn of a play, that was played once before for its actions.
+    The work of each turn of an episode, that was played once before for its actions.
 
     A scripted play shows nothing: it would be a shorter one, and length is what this is about.
 
@@ -144,9 +144,9 @@ EPISODES: Final = 12
 
 @probe("repeated", share=0.8, plays=lambda session: session.plays_of([TURNS]))
 def repeated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """One short play, again and again in one instance: what it costs each time, and what stays.
+    """One short episode repeated in one instance: its cost each time, and the memory it leaves.
 
-    The same short play over and over.
+    The same short episode over and over.
 
     Facts:
         `EpisodeWork`.

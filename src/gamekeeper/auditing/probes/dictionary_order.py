@@ -56,7 +56,7 @@ class DifferenceKind:
 
 @dataclass(frozen=True, slots=True)
 class FirstDivergence:
-    """A play in which the other order parts from the first.
+    """An episode in which the other order parts from the first.
 
     Attributes:
         play: its actions are scripted.
@@ -72,7 +72,7 @@ class FirstDivergence:
 
 
 def told(session: ProbeSession, first_divergence: FirstDivergence) -> DifferenceKind:
-    """Reruns the play up to the divergence, and says what the order of the actions changes.
+    """Reruns the episode up to the divergence, and says what the order of the actions changes.
 
     Nothing was drawn: it is the outcome. Else both orders are given the same number of fresh
     random futures from the same state, and a permutation test over all numbers of the outcome says
@@ -145,7 +145,7 @@ class _Reordering:
         return permutation_test(values[:size], values[size:], rng=self._rng, rounds=ROUNDS)
 
     def elsewhere(self) -> float | None:
-        """The same over states along the play; None where copies can't be had."""
+        """The same over states along the episode; None where copies can't be had."""
         session, actions = self._session, self._first_divergence.play.actions or ()
         env = _led(session, self._first_divergence, 0)
         step = max(len(actions) // MOST_STATES, 1)
@@ -191,7 +191,7 @@ class _Reordering:
 
 
 def _led(session: ProbeSession, first_divergence: FirstDivergence, turns: int) -> Any:
-    """An environment to which the first `turns` of the play have happened."""
+    """An environment to which the first `turns` of the episode have happened."""
     env = session.env()
     session.meter.count()
     session.call("reset", env.reset, seed=first_divergence.play.seed)
@@ -217,7 +217,7 @@ def _ordered(play: EpisodePlan, order: str, turn: int) -> dict[Any, Any]:
 
 
 def orders(count: int, play: int) -> tuple[str, ...]:
-    """The orders that are worth a look in a play of so many agents; reversed covers every pair."""
+    """The orders that are tried in an episode of so many agents; reversed covers every pair."""
     return ("reversed", "shuffled") if count > 2 and play % 4 == 0 else ("reversed",)
 
 
@@ -226,7 +226,7 @@ PLAYS: Final = 4
 MOST_PLAYS: Final = 24
 RUNS: Final = 2
 MEETINGS: Final = 3
-"""One play of so many is random, in the others agents are brought together."""
+"""One episode of so many is random, in the others agents are brought together."""
 
 
 def _order_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
@@ -238,14 +238,14 @@ def _order_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 def order(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The same joint actions in other orders of their dictionary, at every tick of whole episodes.
 
-    In two plays of three the policies bring agents together: they learn what their actions move in
-    their observations, and steer to one place, or do the same for a while. Agents that choose at
+    In two episodes of three the policies bring agents together: they learn what their actions move
+    in their observations, and steer to one place, or do the same for a while. Agents that choose at
     random hardly ever compete for one thing.
 
     The reversed order changes the places of every two agents, so one rerun looks at every conflict
-    that a play comes to.
+    that an episode comes to.
 
-    One fact for each play in which at least two agents acted together.
+    One fact for each episode in which at least two agents acted together.
 
     Facts:
         `OrderOutcome`.

@@ -1,4 +1,4 @@
-"""Probe of the game form: whole episodes, and moves replaced along them, one at a time."""
+"""Probe of the structure: whole episodes, and moves replaced along them, one at a time."""
 
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -134,7 +134,7 @@ def _form_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("form", share=0.0, on_top=0.5, plays=_form_plays)
 def form(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Whole episodes with random legal moves; at some rounds each move is replaced, by itself.
+    """Whole episodes with random legal actions; in some rounds each is replaced, one at a time.
 
     What differs from the unchanged rerun in the rounds after is that move's doing: masks and
     observations that decisions are made with, rewards, endings, and the order of turns.

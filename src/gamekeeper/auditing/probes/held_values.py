@@ -34,7 +34,7 @@ NEIGHBOURS: Final = 8
 # most buffers are used again soon, some only when something rare happens
 @probe("kept", share=0.8, plays=lambda session: session.plays(8, most_turns=200))
 def kept(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Values that were handed out, looked at again later: did the environment write into them?
+    """Returned observations, infos and states, read again later: has the environment changed them?
 
     Keeps everything for some turns, beside a copy.
 
@@ -54,7 +54,7 @@ def kept(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     played = session.play(play, watch=watch, state=False)
     actions = played.play.actions or ()
     shelf.look(len(actions), at_all=True)
-    # a play of its own, as asking for everybody's observation may write into those that were kept
+    # in another episode, as asking for all observations may write into those that are held
     session.play(replace(played.play, actions=actions[:AT_ONCE]), watch=watch_pairs, state=False)
     for name, count in shelf.looks.items():
         changed = shelf.changed.get(name)
@@ -177,7 +177,7 @@ def _together(session: ProbeSession, env: Any, out: Any) -> dict[str, Mapping[An
 
 @probe("handed_over", share=0.6, plays=lambda session: session.plays(1, runs=4, most_turns=200))
 def handed_over(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Values that are handed over: does the environment write into them, or read them again later?
+    """Actions and options: does the environment change them, or read them again later?
 
     Plays, plays again with actions that are compared after the step, and with overwritten ones.
 

@@ -36,7 +36,7 @@ def illegal(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     And legal ones that random play seldom or never comes to: the corners of a space, a plain int.
 
-    What became of each kind of illegal action, on a fresh play, and of the environment then.
+    What became of each kind of illegal action, on a fresh episode, and of the environment then.
 
     Facts:
         `TriedAction`.
@@ -86,7 +86,7 @@ class _Case:
 
 
 def _cases(session: ProbeSession, played: EpisodeResult, turns: list[Turn]) -> Iterator[_Case]:
-    """The illegal actions for this play, each at the last turn that was acted on."""
+    """The illegal actions for this episode, each at the last turn that was acted on."""
     actions = played.play.actions or ()
     moves = [
         (place, agent)
@@ -172,7 +172,7 @@ def _outside(space: spaces.Space[Any]) -> list[tuple[str, Any]]:
 def _tried(
     session: ProbeSession, env: Any, played: EpisodeResult, case: _Case
 ) -> dict[str, Any] | None:
-    """Result of the illegal step; None where the legal episode before it went otherwise."""
+    """Result of the illegal step; None where the legal actions before it went otherwise."""
     play = played.play
     options = {} if play.options is None else {"options": dict(play.options)}
     if session.call("reset", env.reset, seed=play.seed, **options).failed is not None:
@@ -219,7 +219,7 @@ BEYOND: Final = 10
 def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Actions of agents that have ended in a Parallel environment: do they change anything?
 
-    A play in which somebody ends, played on with actions of those who have.
+    An episode in which somebody ends, played on with actions of those who have.
 
     Facts:
         `EndedActions`.
@@ -257,7 +257,7 @@ def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
 
 def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
-    """Two actions of their own for those who ended first, if not with the play itself."""
+    """Two actions of their own for those who ended first, if not with the episode itself."""
     turns = played.play.actions or ()
     ends = {agent: turn for turn, actions in enumerate(turns) for agent in actions}
     first = min(ends.values(), default=len(turns))
@@ -270,7 +270,7 @@ def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
 
 
 def _cut(played: EpisodeResult, extra: Mapping[Any, Any]) -> EpisodePlan:
-    """The play until some turns after they had ended."""
+    """The episode until some turns after they had ended."""
     turns = played.play.actions or ()
     end = max(turn for turn, actions in enumerate(turns) if extra.keys() & actions.keys())
     return replace(played.play, actions=turns[: end + 1 + BEYOND])
@@ -307,7 +307,7 @@ def _proof(extra: Mapping[Any, tuple[Any, Any]], *, with_state: bool) -> Reprodu
     state = "        given.append(env.state())\n" if with_state else ""
     lines = f"""\
 def answers(gone):
-    \"\"\"What a play gives in which those who have ended act too.\"\"\"
+    \"\"\"What an episode gives in which those who have ended act too.\"\"\"
     env = make()
     given = [env.reset(seed=SEED)[0]]
     for turn, actions in enumerate(ACTIONS):

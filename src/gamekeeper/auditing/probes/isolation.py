@@ -43,7 +43,7 @@ def _generators_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("generators", share=1.5, plays=_generators_plays)
 def generators(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """The generators that all of a process shares: watched in one play, disturbed in the next.
+    """The global generators of a process: watched in one episode, disturbed in the next.
 
     A counterfactual, and what became of the global generators meanwhile.
 
@@ -89,9 +89,9 @@ APART: Final = 500
 
 @probe("alternated", share=1.0, plays=lambda session: session.plays(2, runs=4), fresh=True)
 def alternated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """A play beside another instance that is built, reset and stepped in turns with it.
+    """An episode while another instance is built, reset and stepped in between.
 
-    The play alone, and beside the other instance.
+    The episode alone, and beside the other instance.
 
     Facts:
         `OtherInstance`.
@@ -167,9 +167,9 @@ SINGLE: Final = 4
 
 @probe("other_process", share=1.5, plays=_other_process_plays, against=against, tries=2)
 def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """A play in this process and in others, under hash seeds that turn the order of names in sets.
+    """An episode in this process and in others with another order of the names in sets.
 
-    The play here and its counterfactual there, up to the first that differs.
+    The episode here and its counterfactual there, up to the first that differs.
 
     Facts:
         `HashSeed`, `SettledElsewhere`.
@@ -208,9 +208,10 @@ def _elsewhere(
 def _second_elsewhere(
     session: ProbeSession, base: EpisodeResult, there: Episode, hash_seed: int
 ) -> Episode | None:
-    """The play by a second instance of a new process, where only the first plays as new ones do.
+    """The episode by a second instance of a new process, where only the first plays as new ones do.
 
-    All plays here may be alike by then, as those before have left what instances share as it stays.
+    All episodes here may be alike by then, as those before have left what instances share as it
+    stays.
     """
     again = played_elsewhere(session, base, hash_seed)
     second = played_elsewhere(session, base, hash_seed, instance=2)
@@ -224,7 +225,7 @@ def _is_settled_elsewhere(
 ) -> bool:
     """Tells whether new processes agree with each other, though plays in this one don't.
 
-    A rare draw that nobody seeded leaves two plays equal by chance: as often as plays here are
+    A rare draw that nobody seeded leaves two episodes equal by chance: as often as plays here are
     equal. So as many processes must agree as chance lets agree in one of 1,000 cases.
     """
     here = (session.fresh(base.play).episode for _ in range(HERE))

@@ -153,9 +153,9 @@ LEARNED: Final = ("rewards", "terminations", "truncations")
     plays=lambda session: session.plays_of(max(int(session.ration * x), 20) for x in PARTS),
 )
 def lifecycle(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """The life of an instance: before a reset, after the end, resets at any time, closing.
+    """Calls before the first reset and after the end, resets at any time, close().
 
-    One instance through its life; with the first play also two that were never reset.
+    One instance through its life; with the first episode also two that were never reset.
 
     Facts:
         `StepAfterEnd`, `LaterReset`, `IgnoredResets`, `DeadAction`, `IteratedAgents`,
@@ -211,7 +211,7 @@ def _step(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[
 def _resets(
     session: ProbeSession, env: Any, base: EpisodeResult, begun: StartAndEnd
 ) -> Iterator[Saw]:
-    """Resets after the play, in the midst of an episode, and twice, each with a few turns."""
+    """Resets after the episode, in the midst of an episode, and twice, each with a few turns."""
     if base.failed is not None and base.failed.call == "reset":
         yield session.fact(
             LaterReset(when="the first one", raised=_words(base.failed), agents=None),
@@ -323,7 +323,7 @@ def _arguments(session: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
 
 
 def _closed(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
-    """Closes twice; with the first play also an instance that was never reset."""
+    """Closes twice; with the first episode also an instance that was never reset."""
     raised = {
         when: _words(session.call("close", env.close).failed) for when in ("after a reset", "twice")
     }

@@ -38,7 +38,7 @@ def _plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("mask_trials", share=0.0, on_top=0.3, plays=_plays, tries=4)
 def mask_trials(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Every action of an agent with a mask at some turns, each on a play of its own.
+    """Every action of an agent with a mask at some turns, each in its own episode.
 
     Outcomes are compared by what the step gives. Beside the mask stand those of other agents at
     this turn, of the turns after it, and the inverted one.

@@ -1,4 +1,4 @@
-"""Moves of a play as its agents see them, how long a play may be, and other legal actions."""
+"""Moves of an episode as its agents see them, its greatest length, and other legal actions."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ LEAST_TURNS: Final = 8
 TRIES: Final = 8
 """Draws of another action from a space that isn't Discrete."""
 FILM_BYTES: Final = 32 << 20
-"""Observations of one play, as far as a probe that plays a handful of times keeps them."""
+"""Observations of one episode, as far as a probe that plays a handful of times keeps them."""
 
 
 def moves(episode: Episode) -> int:
@@ -46,7 +46,7 @@ def affordable(session: ProbeSession, turns: int, size_bytes: int = FILM_BYTES) 
 
 
 def cut(play: EpisodePlan, turns: int) -> EpisodePlan:
-    """The first turns of a play whose actions are scripted."""
+    """The first turns of an episode whose actions are scripted."""
     actions = (play.actions or ())[:turns]
     return replace(play, actions=actions, most_turns=max(len(actions), 1))
 

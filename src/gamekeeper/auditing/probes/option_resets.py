@@ -46,7 +46,7 @@ class AskedOptions(dict[Any, Any]):
 
 @probe("options", share=0.0, on_top=0.05, plays=lambda session: session.plays(1, most_turns=TURNS))
 def options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """A reset with another value for an option that it asks for, and then a reset without options.
+    """A reset with another value of an option, then a reset without options.
 
     The value is another one of the same type as the default, or as the attribute of that name.
 
@@ -75,7 +75,7 @@ def options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
 
 def _after(session: ProbeSession, before: EpisodePlan, play: EpisodePlan) -> Any:
-    """The play in an instance that was reset before."""
+    """The episode in an instance that was reset before."""
     with held():
         env = session.env()
         session.play(before, env)

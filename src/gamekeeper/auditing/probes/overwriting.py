@@ -36,11 +36,12 @@ KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
 
 @probe("written", share=0.8, plays=lambda session: session.long_plays(4, runs=3, most_turns=200))
 def written(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Values that were handed out, written into: does the game go another way?
+    """Returned values, overwritten: does the episode change?
 
     Plays the same actions while everything that was handed out is overwritten after each turn.
 
-    Where the play goes another way, each kind of thing is overwritten alone to tell which it was.
+    Where the episode goes another way, each kind of thing is overwritten alone to tell which it
+    was.
 
     Facts:
         `WrittenValues`.

@@ -24,7 +24,7 @@ from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
 from gamekeeper.rollouts.process_randomness import held
 
 EVENTS: Final = 3
-"""Rewards of one play that are looked into."""
+"""Rewards of one episode that are looked into."""
 UNUSUAL: Final = 0.6
 """Part of the largest distance from an agent's median reward that makes another unusual too."""
 RARE: Final = 0.34
@@ -33,7 +33,7 @@ RARE: Final = 0.34
 
 @probe("payment_times", share=0.0, on_top=0.3, plays=short_plays, tries=4)
 def payment_times(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Other actions in the tick that paid something unusual, and in the tick before it.
+    """Other actions in a tick with an unusual reward, and in the tick before it.
 
     A reward is looked into that lies far from what its agent gets in most steps. If no
     agent's alternative in its own tick changes it, alternatives of the tick before are tried. One
@@ -89,7 +89,7 @@ class _Replay:
 def _replayed(
     session: ProbeSession, env: Any, plan: EpisodePlan, change: ReplacedAction | None = None
 ) -> _Replay | None:
-    """The play once more, with one action replaced; None where it failed."""
+    """The episode once more, with one action replaced; None where it failed."""
     with held():
         played = session.play(plan, env, change=change, hold=False, state=False)
         drawn = [state_of(each) for each in generators(env)]

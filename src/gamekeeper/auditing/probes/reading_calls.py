@@ -17,23 +17,23 @@ from gamekeeper.rollouts.snapshots import is_same, snapshot
 
 ONLY_AEC: Final = ("observe", "last")
 RESETS: Final = 12
-"""Resets without a seed that must agree before one of them is compared with another play."""
+"""Resets without a seed that must agree before one of them is compared with another episode."""
 
 
 @probe(
     "extra_calls", share=1.0, plays=lambda session: session.long_plays(3, runs=7, most_turns=200)
 )
 def extra_calls(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Calls that only look are made more often: does the game go another way?
+    """Calls that should only read, made more often: does the episode change?
 
     Plays the same actions with calls in between, all kinds at once.
 
-    Where the play goes another way, each kind is tried alone to tell which it was.
+    Where the episode goes another way, each kind is tried alone to tell which it was.
 
     Counterfactuals:
         with the change `ExtraCalls`: all kinds that the environment offers, or one of them; and the
             same with `next` in the change: what the next reset in that instance, without a seed,
-            came to. A draw is seen there that the rest of the play doesn't show.
+            came to. A draw is seen there that the rest of the episode doesn't show.
     Facts:
         `OfferedCalls`, `RepeatedLast`.
     """

@@ -74,7 +74,7 @@ def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
 
 def _states(session: ProbeSession, space: Space[Any] | None, episode: Episode) -> Iterator[Saw]:
-    """The forms of state() in a play; rare ones are met in long plays alone."""
+    """The forms of state() in an episode; rare ones are met in long plays alone."""
     forms: dict[str, StateAnswer] = {}
     for turn in episode.turns if episode.states is not None else ():
         if isinstance(turn.state, np.ndarray):
@@ -93,9 +93,9 @@ MOST_TURNS: Final = 60
     plays=lambda session: session.plays(2, runs=3, most_turns=affordable(session, MOST_TURNS)),
 )
 def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """A play recorded, and played again from nothing but its evidence.
+    """An episode recorded, and replayed from its evidence alone.
 
-    A play, the same again, and what its evidence alone gives.
+    An episode, the same again, and what its evidence alone gives.
 
     Counterfactuals:
         `Replayed`.
@@ -134,7 +134,7 @@ def _replayed(
     capture.episode = episode.episode - 1
     session.meter.count(RESET_STEPS)
     count = session.meter.count
-    with held():  # as the play itself was: generators of the whole process are for other probes
+    with held():  # as the episode itself was: generators of the whole process are for other probes
         done = session.call(
             "replay", replayed_episode, episode, capture, agents=agents, after_turn=count
         )

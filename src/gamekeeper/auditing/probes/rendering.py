@@ -50,7 +50,7 @@ NEEDS_MORE: Final = re.compile(
     plays=lambda session: session.plays(2, runs=7, most_turns=affordable(session, MOST_TURNS)),
 )
 def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Every render mode but "human": built, played and filmed beside the play without a camera.
+    """Every render mode but "human": an episode with frames beside one without.
 
     A mode's instance beside the plain one, and a film beside the same without a camera.
 

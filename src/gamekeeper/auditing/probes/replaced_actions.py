@@ -21,7 +21,7 @@ from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
 
 LENGTHS: Final = (8, 14, 24, 40)
-"""Turns of the plays, over and over: short ones are cheap, in long ones the middle is seen."""
+"""Turns of the episodes, over and over: short ones are cheap, in long ones the middle is seen."""
 INFLUENCE_MOST_PLAYS: Final = 40
 TRIALS: Final = 8
 """Replaced actions in one play."""
@@ -41,7 +41,7 @@ def _influence_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("influence", share=3.0, plays=_influence_plays, tries=8)
 def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """One action replaced at one turn by another legal one, everybody else's as they were.
+    """One action at one turn replaced by another legal one, all others as recorded.
 
     What differs from a rerun with nothing changed is that action's doing, though it may work
     through the random stream. Later actions are scripted, so no policy carries an effect on.
@@ -112,10 +112,10 @@ def other(session: ProbeSession, agent: str, action: Any, mask: Any, turn: int) 
 
 
 TURNS: Final = 16
-"""Rounds of a play: each alternative plays it again up to the payment."""
+"""Rounds of an episode: each alternative plays it again up to the payment."""
 MOST_PLAYS: Final = 24
 EVENTS: Final = 2
-"""Payments of one play that are looked into, of each term and sign."""
+"""Payments of one episode that are looked into, of each term and sign."""
 ALTERNATIVES: Final = 6
 
 

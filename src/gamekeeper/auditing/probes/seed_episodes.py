@@ -30,17 +30,17 @@ PLAYS: Final = 3
 
 
 OTHERWISE: Final = 90_127
-"""Seed of the global generators in the play that starts them elsewhere."""
+"""Seed of the global generators in the episode that starts them elsewhere."""
 
 
 @probe("same_seed", share=1.5, plays=lambda session: session.plays(PLAYS, runs=3))
 def same_seed(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """The same seed and actions once more, in a second instance where one can be had.
+    """The same seed and actions again, in a second instance where possible.
 
-    The play and its counterfactual; generators of the whole process start from the same state.
+    The episode and its counterfactual; generators of the whole process start from the same state.
 
     Counterfactuals by `change`: `nothing`; `the global generators`, which start from another state;
-    in the first play also `empty options`, whose unchanged
+    in the first episode also `empty options`, whose unchanged
     rerun is that, and `the time of day`, where nothing else made a difference.
     """
     base = session.fresh(play)
@@ -89,9 +89,9 @@ def _special_seeds_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("special_seeds", share=1.0, plays=_special_seeds_plays)
 def special_seeds(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Seeds that are easily taken for something else: 0 for none, large ones for no integer.
+    """Seeds that are easily mishandled: 0 taken for none, large integers.
 
-    The play and its counterfactual.
+    The episode and its counterfactual.
 
     Facts:
         `SpecialRefused`, `PlainSeed`.
@@ -110,7 +110,7 @@ def special_seeds(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
 
 def _twice(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, EpisodeResult, bool]:
-    """The play, and another one of it that differs because of its seed, where one does.
+    """The episode, and another one of it that differs because of its seed, where one does.
 
     The last tells whether it is of a used instance.
 
@@ -176,7 +176,7 @@ ELSEWHERE: Final = 7_919
     "unseeded", share=0.5, plays=lambda session: session.plays(1, runs=8, most_turns=UNSEEDED_TURNS)
 )
 def unseeded(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Resets with several seeds beside resets without one: where do they lead?
+    """Resets with several seeds beside resets without one.
 
     What plays came to, as digests.
 
@@ -297,7 +297,7 @@ def _observed(session: ProbeSession, env: Any) -> dict[str, Any]:
 APART: Final = 1000
 """Distance of the last episode's seed from that of the present one."""
 RESETS: Final = 6
-"""Resets that go before a play; what counts them shows after a few."""
+"""Resets that go before an episode; what counts them shows after a few."""
 BEFORE: Final = (1, 4)
 """Plays of an episode, one after the other, that go before it, by look: the most."""
 
@@ -310,9 +310,9 @@ def _second_episode_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("second_episode", share=1.5, plays=_second_episode_plays)
 def second_episode(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """An episode in an instance that was used before, beside the same in a fresh one.
+    """An episode in a used instance, beside the same in a fresh one.
 
-    Counterfactuals: what went before the play differs.
+    Counterfactuals: what went before the episode differs.
 
     The same episode, up to `BEFORE` times, one of another seed that is cut in its middle,
     `RESETS` resets with the same seed and no step. Each comes only where those before it told
@@ -348,7 +348,7 @@ def _cut(session: ProbeSession, base: EpisodeResult) -> EpisodePlan:
 
 
 def _once_more(session: ProbeSession, base: EpisodeResult, most: int) -> tuple[EpisodeResult, int]:
-    """The play after itself, until it is another, and how often it went before."""
+    """The episode after itself, until it is another, and how often it went before."""
     with held():
         env = session.env()
         session.play(base.play, env)
@@ -364,7 +364,7 @@ def _once_more(session: ProbeSession, base: EpisodeResult, most: int) -> tuple[E
 def _after(
     session: ProbeSession, before: EpisodePlan, play: EpisodePlan, times: int
 ) -> EpisodeResult:
-    """The play in an instance in which another was played before, so many times."""
+    """The episode in an instance in which another was played before, so many times."""
     with held():
         env = session.env()
         for _ in range(times):

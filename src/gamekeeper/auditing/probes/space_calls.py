@@ -1,4 +1,4 @@
-"""Probe of spaces: asked for before a reset, along a play and after it."""
+"""Probe of spaces: asked for before a reset, along an episode and after it."""
 
 import inspect
 import pickle
@@ -50,7 +50,7 @@ def _spaces_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
 
 @probe("spaces", share=1.0, plays=_spaces_plays)
 def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Spaces asked for before the reset, after it, along a play and after another reset.
+    """Spaces before the reset, after it, during an episode and after another reset.
 
     What spaces are there and whether they stay the same; what others than the mover observe.
 
@@ -69,7 +69,7 @@ def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         watch.ask_all(list(getattr(env, "possible_agents", None) or ()), "before reset", 0)
     played = session.play(play, env, watch=watch, state=False)
     watch.ask_all(
-        list(getattr(env, "possible_agents", None) or ())[:MOST_AGENTS], "after the play", None
+        list(getattr(env, "possible_agents", None) or ())[:MOST_AGENTS], "after the episode", None
     )
     if played.failed is None:
         after = None if play.seed is None else play.seed + 1
@@ -81,7 +81,7 @@ def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
 
 def _held(session: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
-    """A longer play; where masks forbid actions nothing can be held."""
+    """A longer episode; where masks forbid actions nothing can be held."""
     if play.actions is None:
         first = session.play(replace(play, most_turns=2), env, state=False)
         declared = [role.mask for role in session.contract.roles.values()]

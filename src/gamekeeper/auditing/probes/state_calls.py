@@ -37,7 +37,7 @@ TRIAL_TURNS: Final = (0, 1, 2, 3, 4, 5, 7, 9)
     plays=lambda session: session.plays(2, runs=4, most_turns=affordable(session, MOST_TURNS)),
 )
 def state(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """The state at every turn, asked for twice, in a used instance, and after other actions.
+    """The state, twice at every turn, in a used instance, and after other actions.
 
     What state() says, beside what its space declares.
 
@@ -139,7 +139,7 @@ def _digest(value: Any) -> str:
 def _used(
     session: ProbeSession, base: EpisodeResult, answers: list[StateAnswer], env: Any
 ) -> Iterator[Saw]:
-    """The same play once more in the same instance; looked at where all else is equal."""
+    """The same episode once more in the same instance; looked at where all else is equal."""
     again = StateRecorder(session, env)
     used = session.play(base.play, env, watch=again, state=False)
     if session.divergence(base.episode, used.episode) is None:

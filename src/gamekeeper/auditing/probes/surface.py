@@ -126,7 +126,7 @@ LAST: Final = 5
     ),
 )
 def surface(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """Rosters, counts and books on the outside of an environment, turn by turn.
+    """`agents`, num_agents, rewards and flags as attributes, turn by turn.
 
     The episode; attributes before a reset, after it, after each step, after another reset.
 
@@ -220,7 +220,7 @@ def _reset(session: ProbeSession, env: Any, play: EpisodePlan) -> Any:
 def _midway(
     session: ProbeSession, env: Any, played: EpisodeResult, rosters: Sequence[Any]
 ) -> tuple[int, list[str] | None] | None:
-    """After the first turns of a play, until somebody has left, a reset: its roster."""
+    """After the first turns of an episode, until somebody has left, a reset: its roster."""
     for turn, names in enumerate(rosters):
         if names and rosters[0] and not set(rosters[0]) <= set(names):
             if turn and len(played.play.actions or ()) >= turn:
@@ -313,7 +313,7 @@ MOST_MODES: Final = 3
 def metadata(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Metadata, before and after the environment was used.
 
-    Metadata before and after a play, a render and further instances.
+    Metadata before and after an episode, a render and further instances.
 
     Facts:
         `Metadata`, `LaterMetadata`.

@@ -27,7 +27,7 @@ def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Cases:
             continue
         wrong = fact.value.copy if who == "copy" else fact.value.original
         where = replace(fact.where, turn=None if wrong is None else fact.where.turn)
-        expected = "it goes on like a play of which no copy was made"
+        expected = "it goes on like an episode of which no copy was made"
         whose = "apart" if fact.value.is_apart else who
         proof = reproducer_of(copies_go_on, compares=True, at=fact.value.at, way=way, who=whose)
         yield Case(where, wrong is None, expected, "it does" if wrong is None else wrong, proof)
@@ -50,7 +50,7 @@ def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:
 
 @check("GK701", MEDIUM, "copies", applies=refused("deepcopy"))
 def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A copy.deepcopy that is made in mid-episode goes on like its original, state() too.
+    """A copy.deepcopy made in mid-episode continues like its original, state() too.
 
     Tree search and counterfactual estimates play on in copies. A copy that has lost a part of the
     state, a view of an array or the place in the random stream, plays another game; so does one
@@ -95,7 +95,7 @@ def originals_go_on_beside_a_deepcopy(contract: Contract, evidence: ProbeEvidenc
 
 @check("GK703", MEDIUM, "copies", applies=refused("pickle"))
 def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A copy by pickle that is made in mid-episode goes on like its original, state() too.
+    """A copy by pickle made in mid-episode continues like its original, state() too.
 
     Checkpoints and worker processes pickle environments. What is left out of the pickle, such as
     the place in the random stream, is another game from there on.
@@ -154,7 +154,7 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
 
 @check("GK711", MEDIUM, "conversion", api="aec", applies=not_converted)
 def cycles_show_nothing_before_their_end(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """In an environment that says is_parallelizable, nobody observes a move of the same cycle.
+    """With is_parallelizable, no agent observes an action of the same cycle.
 
     PettingZoo's aec_to_parallel shows everybody what is to be seen at the end of a cycle. Where an
     agent's observation changes by moves before its own, the converted game is another one: its

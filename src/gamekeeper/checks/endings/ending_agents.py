@@ -142,11 +142,7 @@ assert env.agents or not silent, silent"""
 
 
 @check(
-    "GK502",
-    HIGH,
-    "rollout",
-    api="parallel",
-    looks_at="an agent that ends while others are in the game",
+    "GK502", HIGH, "rollout", api="parallel", looks_at="an agent that ends while others are live"
 )
 def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Ending one agent empties `agents` only where the others terminate or truncate too.
@@ -296,7 +292,7 @@ AFTER = f"env.reset(seed=SEED)\n{FRESH}"
 
 @check("GK506", HIGH, "surface", api="aec")
 def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """After a reset nobody is terminated or truncated, whatever the last episode came to.
+    """After a reset no agent is terminated or truncated, however the last episode ended.
 
     An episode whose agents have ended before it begins is over at once, and the loop around it
     counts an empty one.

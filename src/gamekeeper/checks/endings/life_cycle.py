@@ -50,7 +50,7 @@ def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> C
 
 @check("GK521", LOW, "lifecycle", confidence=0.8)
 def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A step before the first reset doesn't silently play: it raises, or gives nothing.
+    """A step before the first reset raises, or returns nothing.
 
     An episode that nobody has reset has no seed: it can't be played again, and its first state may
     be one that no episode begins with. An exception of any kind is fine.
@@ -209,7 +209,7 @@ def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     for fact in evidence.facts(EndedActions):
         turn, agents = fact.value.turn, fact.value.agents
-        expected = "the same play, whatever those who ended do"
+        expected = "the same episode, whatever those who ended do"
         seen = f"another one from turn {turn} on, by what {agents} did"
         yield Case(fact.where, turn is None, expected, seen, fact.proof)
 

@@ -33,7 +33,7 @@ CUT = {
     HIGH,
     "rollout",
     applies=lambda c, _: "no horizon is declared" if c.schedule.horizon is None else None,
-    looks_at="an episode that reaches the declared horizon: a larger --budget plays longer",
+    looks_at="an episode that reaches the declared horizon: a larger --budget takes more steps",
 )
 def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode that reaches its declared horizon is truncated there: not terminated, not later.
@@ -142,7 +142,7 @@ def _are_reasons_declared(contract: Contract, episode: Episode, turn: Turn) -> b
 PLAYS = 2
 """By chance a rule ends an episode in its last tick once, not again and again."""
 OFTEN = 5
-"""Plays whose agents end together at a limit, where most plays end before it."""
+"""Plays whose agents end together at a limit, where most episodes end before it."""
 
 
 def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
@@ -168,10 +168,10 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     A heuristic, as nobody has declared a limit: an attribute, a constant of the module or a
     parameter that is called like one (`max_steps`, `horizon`, `LIMIT`) holds the very number of
-    ticks after which episodes end by termination, in two plays or more and in half of those that
-    came to an end, or in five plays of several agents at once, and thrice as often as in any other
-    tick; none lasts longer, and nothing was ever truncated. A rule that ends games then by chance,
-    as a battery that is empty in the last tick, would have to do so again and again.
+    ticks after which episodes end by termination, in two episodes or more and in half of those that
+    came to an end, or in five episodes of several agents at once, and thrice as often as in any
+    other tick; none lasts longer, and nothing was ever truncated. A rule that ends games then by
+    chance, as a battery that is empty in the last tick, would have to do so again and again.
 
     Bad: `terminations = dict.fromkeys(agents, time >= self.max_time)`.
 

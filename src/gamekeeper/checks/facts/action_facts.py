@@ -18,7 +18,7 @@ class TriedAction:
         reward: paid to the agent.
         legal_reward: paid for the legal action.
         is_over: whether the agent has ended.
-        again: raised by a reset and the legal play after it.
+        again: raised by a reset and the legal actions after it.
     """
 
     is_legal: bool

@@ -18,11 +18,11 @@ class ChangedView:
 
 @dataclass(frozen=True, slots=True)
 class CopiedEnv:
-    """A copy that was made in one way (the field) in mid-play.
+    """A copy that was made in one way (the field) in mid-episode.
 
     Attributes:
         refused: what was raised where it lets itself not be copied or stepped.
-        copy: what the copy gave otherwise than a play without a copy, in words.
+        copy: what the copy gave otherwise than an episode without a copy, in words.
         original: what the original gave otherwise.
         at: turns after which it was made.
         is_apart: the original was reset with another seed before the copy went on.

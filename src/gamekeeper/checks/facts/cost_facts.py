@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class TurnWork:
-    """Work of each turn of a long play; empty where no turn was played.
+    """Work of each turn of a long episode; empty where no turn was played.
 
     Attributes:
         live: agents in the roster.

@@ -72,7 +72,7 @@ class WrittenValues:
     """Values of one kind (the field) that were written into.
 
     Attributes:
-        seen: how the play went another way, in words.
+        seen: how the episode went another way, in words.
     """
 
     writes: int

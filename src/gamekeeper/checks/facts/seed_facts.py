@@ -20,14 +20,14 @@ class PlainSeed:
 
 @dataclass(frozen=True, slots=True)
 class SeededEpisodes:
-    """Digests of plays of seeds in a row, each in a fresh instance where there is one."""
+    """Digests of episodes of seeds in a row, each in a fresh instance where there is one."""
 
     digests: list[str]
 
 
 @dataclass(frozen=True, slots=True)
 class UnseededEpisodes:
-    """Digests of plays of resets without a seed that follow on one with, in one instance."""
+    """Digests of episodes of resets without a seed that follow on one with, in one instance."""
 
     digests: list[str]
 
@@ -36,7 +36,7 @@ class UnseededEpisodes:
 class UnseededOpenings:
     """Results of resets without a seed and without a step between.
 
-    Only where all seeded plays are equal and unseeded ones aren't.
+    Only where all seeded episodes are equal and unseeded ones aren't.
     """
 
     openings: list[str]
@@ -44,9 +44,9 @@ class UnseededOpenings:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeElsewhere:
-    """Difference, in words, of a play whose generators stand elsewhere; None where it is the same.
+    """Difference, in words, of an episode with other generator states; None where there is none.
 
-    Only where all plays are equal.
+    Only where all episodes are equal.
     """
 
     difference: str | None

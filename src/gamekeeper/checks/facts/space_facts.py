@@ -10,7 +10,7 @@ class AskedSpace:
 
     Attributes:
         which: `observation` or `action`.
-        when: `before reset`, `live`, `after it left`, `after the play`, `after another reset`.
+        when: `before reset`, `live`, `after it left`, `after the episode`, `after another reset`.
         is_same: whether both are one object.
     """
 

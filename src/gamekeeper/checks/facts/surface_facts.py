@@ -6,13 +6,13 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class PossibleAgents:
-    """`possible_agents` along a play; None where it isn't there.
+    """`possible_agents` along an episode; None where it isn't there.
 
     Attributes:
         fresh: whether the instance was a fresh one.
         before: named before the reset.
         turns: named at the start of each turn.
-        again: named after the play and one more reset.
+        again: named after the episode and one more reset.
     """
 
     fresh: bool
@@ -23,12 +23,12 @@ class PossibleAgents:
 
 @dataclass(frozen=True, slots=True)
 class LiveRosters:
-    """`agents` along a play; None where a reset raised.
+    """`agents` along an episode; None where a reset raised.
 
     Attributes:
         first: after a reset.
         turns: after a reset with the same seed, and at the start of each turn.
-        again: after the play and a third reset.
+        again: after the episode and a third reset.
         midway: where an agent left before the others: turns played until then, and the roster after
             a reset at once.
     """

@@ -40,7 +40,7 @@ def nothing_to_film(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 
 def film_proof(api: str, options: Mapping[str, Any], lines: str) -> Reproducer:
-    """A proof that renders at every turn of the play into `frames`, and ends with `lines`."""
+    """A proof that renders at every turn of the episode into `frames`, and ends with `lines`."""
     play = (
         "env = make()\nenv.reset(seed=SEED)\nframes = [env.render()]\n"
         f"for action in ACTIONS:\n{_step(api)}    frames.append(env.render())\n"
@@ -49,7 +49,7 @@ def film_proof(api: str, options: Mapping[str, Any], lines: str) -> Reproducer:
 
 
 def course_lines(api: str) -> str:
-    """Lines of a function `played(env, render)`: all that a play gives, filmed or not."""
+    """Lines of a function `played(env, render)`: all that an episode gives, filmed or not."""
     if api == "parallel":
         step, after = "told.append(env.step(action))", ""
     else:
@@ -177,7 +177,7 @@ def _words(shot: Shot) -> str:
     looks_at="two pictures (rgb_array) of one episode",
 )
 def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """All frames of a play have one shape.
+    """All frames of an episode have one shape.
 
     A video has one size: writers refuse the first frame of another, or the whole video is lost.
 
@@ -261,9 +261,9 @@ LEAST_MOVES: Final = 8
     looks_at="a film of several frames while observations change",
 )
 def frames_move(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Frames follow the game: while observations change over a whole play, the picture does too.
+    """Frames follow the state: while observations change over an episode, they change too.
 
-    A video of it shows nothing. Only plays in which somebody's observation changed at eight turns
+    A video of it shows nothing. Only plays in which an agent's observation changed at eight turns
     or more are looked at; a single other frame in any play is enough.
 
     Bad:
@@ -301,7 +301,7 @@ RENDERING_LINES = (
 
 @check("GK805", HIGH, "render", applies=nothing_to_film)
 def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """render() doesn't change the game, nor draw from its generator: a filmed play goes like an unfilmed one.
+    """render() doesn't change the episode, nor draw from its generator.
 
     Otherwise a recorded run can't be compared with one that was trained without a camera. The same
     actions from the same seed are played in the same mode, rendered at every turn and never.
@@ -316,7 +316,7 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
 
     Fix: draw from the game's state without changing it; what is random in a picture needs a
     generator of its own
-    """  # noqa: E501  # the claim is one line
+    """  # the claim is one line
     for counterfactual in evidence.counterfactuals("render"):
         if counterfactual.change["change"] == "Rendered":
             proof = Reproducer(
@@ -325,7 +325,7 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
                 options=_options(evidence, counterfactual.change),
                 compares=True,
             )
-            yield from counterfactual_cases(counterfactual, "the play without a camera", proof)
+            yield from counterfactual_cases(counterfactual, "the episode without a camera", proof)
 
 
 def _options(evidence: ProbeEvidence, change: object) -> dict[str, str]:
@@ -344,7 +344,7 @@ MODE_LINES = (
 
 @check("GK806", HIGH, "render", applies=nothing_to_film)
 def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """The render mode doesn't change the game: equal seeds and actions give the same play in every mode.
+    """The render mode doesn't change the episode: the same seed and actions give the same one.
 
     A policy that was trained without pictures would otherwise be shown, and judged, in another game.
 
@@ -363,7 +363,7 @@ def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
             proof = Reproducer(
                 course_lines(evidence.api) + MODE_LINES, plays=False, options=options, compares=True
             )
-            yield from counterfactual_cases(counterfactual, "the play in the usual mode", proof)
+            yield from counterfactual_cases(counterfactual, "the episode in the usual mode", proof)
 
 
 @check("GK807", LOW, "render", applies=nothing_to_film)
@@ -406,7 +406,7 @@ AGAIN = (
 
 @check("GK808", MEDIUM, "render", applies=nothing_to_film)
 def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A frame shows the game as it stands, not an older moment that was drawn and kept.
+    """A frame shows the current state, not an older one.
 
     A frame counts as old where an instance that was never rendered before shows another at the very
     same moment, and it equals the first one of its play, or what such an instance shows a turn

@@ -15,7 +15,7 @@ from gamekeeper.checks.reproducers import work
 from gamekeeper.contract import Contract
 
 WINDOWS: Final = 8
-"""Into so many stretches of equal length a play is cut; one alone says little."""
+"""Into so many stretches of equal length an episode is cut; one alone says little."""
 LEAST_TURNS: Final = 40
 
 
@@ -62,10 +62,10 @@ def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -
 
     A step, or an observation, that goes through the whole history makes an episode's cost
     quadratic. Counted are lines of Python and bytes, not seconds, so the verdict is the same on
-    every run; work inside compiled code that takes no memory isn't seen. The play is cut into eight
-    stretches of equal length; the cost counts as growing where it rises from each to the next but
-    one, to twice the first and by a hundred lines or 4 kB; where two plays were looked at, in both.
-    Growth that agents who joined explain isn't counted.
+    every run; work inside compiled code that takes no memory isn't seen. The episode is cut into
+    eight stretches of equal length; the cost counts as growing where it rises from each to the next
+    but one, to twice the first and by a hundred lines or 4 kB; where two episodes were looked at,
+    in both. Growth that agents who joined explain isn't counted.
 
     Bad:
         self.history.append(self.cells.copy())
@@ -132,7 +132,7 @@ def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases
     """The cost of an episode doesn't grow with the number of episodes before it.
 
     Otherwise training becomes slower day by day, although nothing of the game has changed. One
-    short play is repeated from the same seed in one instance; lines of Python and bytes are
+    short episode is repeated from the same seed in one instance; lines of Python and bytes are
     counted, so the verdict is the same on every run. After two episodes in which caches may fill,
     the last may cost a tenth more than the first at most, or rise and fall.
 
@@ -197,7 +197,7 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
 def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode leaves no memory behind: what is in use doesn't grow from episode to episode.
 
-    A leak ends a long training run after hours. One short play is repeated from the same seed in
+    A leak ends a long training run after hours. One short episode is repeated from the same seed in
     one instance. Of the episodes after the first four the mean growth is taken, with an interval of
     three standard errors on both sides: a leak is what lies wholly above a line of a log, 512
     bytes and 64 for each agent. Memory that compiled libraries take by themselves isn't seen, nor

@@ -195,8 +195,8 @@ def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence)
 def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() is of this episode alone: after a reset nothing of the last one stands in it.
 
-    The same play is played twice in one instance. Where all observations and rewards are equal, so
-    must be the states.
+    The same episode is played twice in one instance. Where all observations and rewards are equal,
+    so must be the states.
 
     Bad:
         def state(self):
@@ -214,7 +214,7 @@ def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) 
     for fact in evidence.facts(UsedState):
         is_same = fact.value.turn is None
         seen = "the same" if is_same else "another"
-        yield Case(fact.where, is_same, "the state that the same play had before", seen, proof)
+        yield Case(fact.where, is_same, "the state that the same episode had before", seen, proof)
 
 
 LEAST_MOVES: Final = 8
@@ -223,7 +223,7 @@ LEAST_MOVES: Final = 8
 
 @check("GK816", MEDIUM, "state", confidence=0.9, applies=stateless)
 def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """state() follows the game: while observations change over a whole play, it does too.
+    """state() follows the episode: while observations change, it changes too.
 
     A central critic learns nothing from a state that stands still. Only plays in which somebody's
     observation changed at eight turns or more are looked at; one other state in any play is enough.
@@ -287,7 +287,7 @@ def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 @check("GK818", MEDIUM, "state", applies=stateless)
 def states_answer_all_along(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """state() answers at every turn of a play, once it is there at all.
+    """state() returns at every turn, where it is implemented.
 
     Collectors ask for it after every step. What it does once the episode is over isn't judged.
 

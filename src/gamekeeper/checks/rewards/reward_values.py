@@ -137,7 +137,7 @@ class _Ledger:
 
 
 def _told(episode: Episode, last: Mapping[int, Any]) -> Iterator[ReportedReward]:
-    """The looks of one play; `last` has what `last()` itself said, by turn, where that is known."""
+    """The looks of one episode; `last` has the results of `last()` by turn, where known."""
     ledger = _Ledger()
     for turn in episode.turns:
         agent = turn.order[0] if turn.order else next(iter(turn.cumulative_reward), None)
@@ -253,7 +253,7 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 @check("GK407", MEDIUM, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
 def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """The None step of a dead agent pays nobody: rewards from before it are cleared, not left over.
+    """The None step of a dead agent pays no agent: earlier rewards are cleared first.
 
     A reward that still stands in `rewards` after such a step is counted again by all code that sums
     it up: a converter to the Parallel API, a recorder, a score.

@@ -37,7 +37,7 @@ def _paid_steps(episode: Episode) -> Iterator[tuple[Turn, Turn, bool]]:
     MEDIUM,
     "rollout",
     confidence=0.9,
-    looks_at="four truncated episodes whose other steps almost all pay somebody",
+    looks_at="four truncated episodes whose other steps almost all pay a reward",
 )
 def truncations_lose_no_reward(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The step that truncates an episode pays like any other: its reward isn't lost.

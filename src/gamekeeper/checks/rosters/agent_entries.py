@@ -363,10 +363,10 @@ def reset_returns_two_dictionaries_and_step_five(
 
 
 @check(
-    "GK113", LOW, "rollout", api="parallel", looks_at="an agent that has left while others play on"
+    "GK113", LOW, "rollout", api="parallel", looks_at="an agent that left while others were live"
 )
 def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """An agent that has left the game stands no longer in observations or infos.
+    """An agent that has left has no entry in observations or infos.
 
     A training loop that takes the keys of the observations for the agents that act next hands over
     actions of agents that have ended, and stores steps that they never made.

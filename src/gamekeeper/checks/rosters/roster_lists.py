@@ -216,7 +216,7 @@ assert set(env.agents) == set(fresh.agents), (list(env.agents), list(fresh.agent
 
 @check("GK103", HIGH, "surface")
 def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Every reset fills `agents`: somebody is there, and nobody of the last episode is missing.
+    """Every reset fills `agents` with one agent or more, as many as in the last episode.
 
     A reset that leaves out agents which ended, or keeps what the last episode left, makes each
     episode smaller or larger than the one before; loops over `agents` do nothing at all where it
@@ -239,8 +239,8 @@ def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) ->
             continue
         where = replace(fact.where, turn=0)
         yield Case(where, bool(turns[0]), "agents that can act", "nobody", FILLED)
-        # where two resets in a row already differ the play isn't to blame, and where the possible
-        # agents have changed that is it
+        # where two resets in a row already differ the episode isn't to blame, and where the
+        # possible agents have changed that is it
         is_known = first is not None and sorted(first) == sorted(turns[0])
         if turns[0] and is_known and fact.where.play not in shrunk:
             where = replace(fact.where, turn=len(turns) - 1, field="agents after the next reset")
@@ -283,7 +283,7 @@ def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) ->
                     )
 
 
-@check("GK112", HIGH, "rollout", looks_at="an agent that has left while others play on")
+@check("GK112", HIGH, "rollout", looks_at="an agent that left while others were live")
 def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended and left isn't revived under the same name in the same episode.
 
@@ -337,7 +337,7 @@ ROSTERS: Final = ("agents", "possible_agents")
 
 @check("GK114", MEDIUM, "surface")
 def rosters_are_lists(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """`agents` and possible_agents are lists: ordered, with a length, empty once nobody is left.
+    """`agents` and possible_agents are lists: ordered, with a length, empty once all have left.
 
     Readers slice, index and copy them and ask `while env.agents`. A set has another order in every
     process, a view of a dictionary changes while it is walked over, an array has no truth.

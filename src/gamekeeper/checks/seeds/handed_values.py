@@ -132,7 +132,7 @@ def _apart_proof(api: str, field: str, one: object, other: object) -> str:
 
 @check("GK610", HIGH, "kept")
 def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """An observation that was handed out doesn't change at a later turn.
+    """A returned observation doesn't change at a later turn.
 
     A replay buffer keeps observations by reference. Where the environment writes the next one into
     the same array, all that was learned from the earlier ones was learned from wrong data.
@@ -153,7 +153,7 @@ def observations_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) 
 
 @check("GK611", MEDIUM, "kept")
 def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """An info that was handed out, an action mask in it too, doesn't change at a later turn.
+    """A returned info, and an action mask in it, doesn't change at a later turn.
 
     A buffer that keeps infos, masks above all, for learning later then has those of another turn.
 
@@ -249,14 +249,14 @@ def infos_are_apart(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 
 def written_cases(evidence: ProbeEvidence, kind: str) -> Cases:
-    """Yields a case for every play in which things of this kind were overwritten."""
+    """Yields a case for every episode in which things of this kind were overwritten."""
     for fact in evidence.facts(WrittenValues):
         if fact.where.field == kind:
             seen = fact.value.seen
             yield Case(
                 fact.where,
                 seen is None,
-                "the play goes on as if nothing was written",
+                "the episode goes on as if nothing was written",
                 "it goes on the same" if seen is None else seen,
                 proof=fact.proof,
             )
@@ -279,7 +279,7 @@ def none_of(kind: str, reason: str) -> Callable[[Contract, ProbeEvidence], str |
     applies=none_of("observations", "observations hold no array that can be written to"),
 )
 def written_observations_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Writing into an observation doesn't change the game.
+    """Writing into an observation doesn't change the episode.
 
     Wrappers and learners scale observations in place. Where those are the game's own arrays, an
     agent moves pieces by looking at them.
@@ -301,7 +301,7 @@ def written_observations_change_nothing(contract: Contract, evidence: ProbeEvide
     "GK621", HIGH, "written", applies=none_of("infos", "infos hold no array that can be written to")
 )
 def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Writing into an array of an info doesn't change the game.
+    """Writing into an array of an info doesn't change the episode.
 
     Wrappers scale what they find there in place. Where it is the game's own array, they move it.
 
@@ -323,7 +323,7 @@ def written_infos_change_nothing(contract: Contract, evidence: ProbeEvidence) ->
     applies=none_of("state", "it has no state() that only looks and hands out arrays"),
 )
 def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Writing into what state() handed out doesn't change the game.
+    """Writing into the result of state() doesn't change the episode.
 
     A central critic that normalises its input in place would move the agents themselves.
 
@@ -342,7 +342,7 @@ def written_states_change_nothing(contract: Contract, evidence: ProbeEvidence) -
 
 @check("GK623", LOW, "written", api="parallel")
 def emptied_dictionaries_change_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Emptying the dictionaries that reset and step returned doesn't change the game.
+    """Emptying the dictionaries that reset and step returned doesn't change the episode.
 
     Wrappers take entries of agents that are gone out of them. Where they are the environment's own
     books, its next step crashes or forgets who has ended. Only a caller that deletes entries is
@@ -404,7 +404,7 @@ def no_writable_actions(contract: Contract, evidence: ProbeEvidence) -> str | No
 
 @check("GK630", HIGH, "handed_over", applies=no_writable_actions)
 def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """The actions that are handed to step, and their dictionary, are as before once it returns.
+    """step() doesn't change the actions that it is given, nor their dictionary.
 
     A replay buffer keeps the action that was chosen. Where step scales or clips the caller's array
     in place, the learner is told that it had chosen something else.
@@ -423,7 +423,7 @@ def step_leaves_actions_alone(contract: Contract, evidence: ProbeEvidence) -> Ca
 
 @check("GK631", HIGH, "handed_over", applies=no_writable_actions)
 def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Writing into an action after its step doesn't change the game: step keeps no reference.
+    """Writing into an action after its step doesn't change the episode: step keeps no reference.
 
     Learners re-use their buffers of actions. Where the environment reads an earlier action again,
     for an observation or for inertia, it reads the later one.
@@ -444,7 +444,7 @@ def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) 
             yield Case(counterfactual.base.at(None, None, "kept"), True)
             continue
         where = counterfactual.base.at(env_steps_of(first_divergence), None, "kept")
-        expected = "the play goes on as if nothing was written"
+        expected = "the episode goes on as if nothing was written"
         proof = reproducer_of(actions_are_read_at_once, compares=True)
         yield Case(where, False, expected, first_divergence_words(first_divergence), proof)
 
@@ -457,7 +457,7 @@ assert options == {}, options"""
 
 @check("GK632", LOW, "handed_over")
 def reset_leaves_options_alone(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """The options that are handed to reset are as before once it returns.
+    """reset() doesn't change the options that it is given.
 
     One dictionary of options is handed to every reset, of several environments perhaps: what one
     reset writes into it governs all the others.

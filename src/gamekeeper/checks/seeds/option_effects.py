@@ -41,5 +41,5 @@ def options_hold_for_one_episode(contract: Contract, evidence: ProbeEvidence) ->
         )
         unchanged = (*lines[:2], "used.reset(seed=SEED)", lines[3])
         proof = program(evidence.api, *lines, tells=tells, unchanged=unchanged)
-        expected = f"the same play as without {key!r} in the reset before"
+        expected = f"the same episode as without {key!r} in the reset before"
         yield from parted(each, proof, expected=expected)

@@ -24,9 +24,10 @@ MEDDLING = {
 
 
 def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Cases:
-    """Yields a case for every play in which this kind of call was made more often.
+    """Yields a case for every episode in which this kind of call was made more often.
 
-    A play with calls of all kinds that went another way accuses none of them: each was tried alone.
+    An episode with calls of all kinds that went another way accuses none of them: each was tried
+    alone.
     """
     for counterfactual in evidence.counterfactuals("extra_calls"):
         calls = tuple(counterfactual.change["calls"])
@@ -44,7 +45,7 @@ def extra_call_cases(evidence: ProbeEvidence, kind: str) -> Cases:
             yield Case(where, False, expected, seen, _proof(evidence.api, kind, is_next=True))
         else:
             where = counterfactual.base.at(env_steps_of(first_divergence), None, kind)
-            expected = "the play goes on as if nobody had called"
+            expected = "the episode goes on as if nobody had called"
             seen = first_divergence_words(first_divergence)
             yield Case(where, False, expected, seen, _proof(evidence.api, kind))
 
@@ -74,7 +75,7 @@ def _proof(api: str, kind: str, *, is_next: bool = False) -> Reproducer:
 
 @check("GK633", MEDIUM, "extra_calls", applies=not_offered("spaces"))
 def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Calling observation_space() and action_space() in mid-episode doesn't change the game.
+    """Calling observation_space() and action_space() in mid-episode doesn't change the episode.
 
     Policies and wrappers ask for spaces at any time, some of them at every step.
 
@@ -93,7 +94,7 @@ def asking_for_spaces_changes_nothing(contract: Contract, evidence: ProbeEvidenc
 
 @check("GK634", HIGH, "extra_calls", api="aec", applies=not_offered("observe"))
 def observing_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Calling observe() again, for every agent, doesn't change the game.
+    """Calling observe() again, for every agent, doesn't change the episode.
 
     Loggers, wrappers and centralised learners observe more often than the loop. Where observe()
     draws from the game's generator or advances something, the game depends on who is watching.
@@ -119,7 +120,7 @@ assert first[1:4] == second[1:4], (first[1:4], second[1:4])"""
 
 @check("GK635", HIGH, "extra_calls", api="aec", applies=not_offered("last"))
 def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Calling last() twice in a turn tells the same twice, and doesn't change the game.
+    """Calling last() twice in a turn gives the same twice, and doesn't change the episode.
 
     Wrappers call last() beside the loop that plays. Where it pays out, clears or draws, the second
     call gets something else, and so does everybody after it.
@@ -147,7 +148,7 @@ def asking_last_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> 
 
 @check("GK636", HIGH, "extra_calls", applies=not_offered("state"))
 def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Calling state() doesn't change the game, nor draw from its generator.
+    """Calling state() doesn't change the episode, nor draw from its generator.
 
     Centralised critics ask for the state at every step, evaluations don't: with one seed they play
     different games.
@@ -167,7 +168,7 @@ def asking_for_the_state_changes_nothing(contract: Contract, evidence: ProbeEvid
 
 @check("GK637", HIGH, "extra_calls", applies=not_offered("render"))
 def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Calling render() between the steps doesn't change the game, nor draw from its generator.
+    """Calling render() between the steps doesn't change the episode, nor draw from its generator.
 
     A video of an episode then shows another episode than the one that was evaluated.
 
@@ -185,7 +186,7 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
 
 @check("GK638", HIGH, "extra_calls", applies=not_offered("sample"))
 def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Sampling from the spaces that are handed out doesn't change the game.
+    """Sampling from the returned spaces doesn't change the episode.
 
     Every random policy samples actions. Where the game draws from the generators of its spaces,
     what happens depends on how often anybody has sampled.
@@ -203,7 +204,7 @@ def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence
 
 @check("GK639", MEDIUM, "extra_calls", applies=not_offered("attributes"))
 def asking_for_attributes_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Reading num_agents, metadata, unwrapped or str(env) doesn't change the game.
+    """Reading num_agents, metadata, unwrapped or str(env) doesn't change the episode.
 
     Progress bars, loggers and debuggers read them at any time.
 

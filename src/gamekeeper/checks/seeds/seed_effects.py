@@ -1,4 +1,4 @@
-"""Checks of seeds: they settle a play, differ, and hold for later episodes."""
+"""Checks of seeds: they settle an episode, differ, and hold for later episodes."""
 
 import math
 from collections import Counter
@@ -39,13 +39,13 @@ SEEDS: Final = 16
 
 @check("GK600", HIGH, "unseeded", applies=draws_nothing)
 def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Different seeds give different episodes where a game draws; the seed isn't ignored.
+    """Different seeds give different episodes where anything is drawn; the seed isn't ignored.
 
     Training on a thousand seeds is else training on one, and a test on other seeds tests nothing. A
     game without any randomness passes: judged only where there is chance, seen in one of two ways.
     Resets without a seed lead to different openings, while 16 seeds give equal plays: where seeds
     are obeyed that needs one opening of a probability near 1, and happens in fewer than one of
-    1,000 environments. Or resets without a seed give that same play too, and yet it goes another
+    1,000 environments. Or resets without a seed give that same episode too, and yet it goes another
     way where a generator that the environment holds is moved elsewhere in its stream after the
     reset, one that every reset begins at the same place. What is drawn in the reset alone, from a
     constant, is a layout like any other.
@@ -79,14 +79,14 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Case
             yield Case(plays.where, True, "plays that differ", "plays that differ")
         elif len(set(openings)) > 1:
             expected = "plays that differ, as unseeded ones do"
-            seen = f"{len(seeded)} seeds, and all of them give the same play"
+            seen = f"{len(seeded)} seeds, and all of them give the same episode"
             yield Case(plays.where, False, expected, seen, _differing_seeds_proof(evidence.api))
         elif other is not None and other.value.difference is not None:
             yield Case(
                 other.where,
                 False,
                 "plays that differ, as the game draws at random",
-                f"all seeds and no seed give the same play; with other draws "
+                f"all seeds and no seed give the same episode; with other draws "
                 f"{other.value.difference}",
                 _differing_seeds_proof(evidence.api),
             )
@@ -106,7 +106,7 @@ MISSED: Final = (
 
 @check("GK601", HIGH, "same_seed", "other_process", applies=settled_by_seed)
 def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A seed settles the play: after reset(seed) the same actions give the same play again.
+    """Deterministic by the seed: after reset(seed) the same actions give the same episode.
 
     Otherwise the seed is ignored, or part of the randomness isn't seeded, and no result can be
     reproduced. Observations, masks, infos, rewards, ends, the order of agents and state() are
@@ -138,7 +138,7 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
             continue  # by itself, whatever the clock says
         elif change == "the time of day":
             proof = _later(evidence.api, each.change["later_s"], tells)
-            yield from parted(each, proof, expected="the same play, whatever the clock says")
+            yield from parted(each, proof, expected="the same episode, whatever the clock says")
         elif not any(x.divergence for x in plays if x is not each):
             yield from parted(each, _empty(evidence.api), expected="as without options")
 
@@ -148,7 +148,7 @@ def _again(api: str, tells: frozenset[str]) -> Reproducer:
 
 
 def _repeated(play: str) -> tuple[str, ...]:
-    """Lines that compare a play with itself, played again and again."""
+    """Lines that compare an episode with itself, played again and again."""
     return (f"first = {play}", MISSED, f"for _ in range({AGAIN}):", f"    alike(first, {play})")
 
 
@@ -204,7 +204,7 @@ def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Cases:
                 yield Case(at, False, "a seed like any other", refused.value.text, refusal)
             elif plain.value.is_fine:
                 yield from parted(
-                    counterfactual, proof, expected=f"the same play for seed {seed} again"
+                    counterfactual, proof, expected=f"the same episode for seed {seed} again"
                 )
 
 
@@ -224,15 +224,15 @@ def _seed_zero_proof(api: str, seed: int, tells: frozenset[str], *, is_used: boo
     HIGH,
     "second_episode",
     applies=settled_by_seed,
-    looks_at="a used instance that plays a seed as a fresh one does, or plays all seeds alike (any "
-    "other difference is GK604's)",
+    looks_at="a used instance that repeats a fresh one's episode of a seed, or the same one for "
+    "all (any other difference is GK604's)",
 )
 def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Every reset(seed) seeds the play, not only the first one of an instance.
+    """Every reset(seed) seeds its episode, not only the first one of an instance.
 
     Where later seeds are ignored, an evaluation on fixed seeds in one instance isn't one: its
     episodes depend on what was played before. In a used instance several seeds give one and the
-    same play, while in fresh instances they give different ones.
+    same episode, while in fresh instances they give different ones.
 
     Bad:
         def reset(self, seed=None, options=None):
@@ -252,8 +252,9 @@ def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases
                 yield Case(whole(counterfactual), True, "seeds are obeyed", "seeds are obeyed")
             elif counterfactual.noise is None and is_blind_later(look):
                 where = difference_place(counterfactual, counterfactual.divergence)
-                expected = "the play of this seed"
-                seen = f"the same play for any seed: {told_difference(counterfactual.divergence)}"
+                expected = "the episode of this seed"
+                seen = "the same episode for any seed: "
+                seen += told_difference(counterfactual.divergence)
                 yield Case(where, False, expected, seen, _later_seeds_proof(evidence.api))
 
 
@@ -307,7 +308,7 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
             p = p_all_alike(seeded, len(unseeded))
             if p < FALSE_ALARM:
                 expected = "plays that differ, as those of seeds do"
-                seen = f"{len(unseeded)} resets without a seed, and the same play after each"
+                seen = f"{len(unseeded)} resets without a seed, and the same episode after each"
                 yield Case(
                     at, False, expected, seen, _unseeded_proof(evidence.api), confidence=1.0 - p
                 )

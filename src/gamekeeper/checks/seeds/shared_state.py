@@ -32,7 +32,7 @@ from gamekeeper.contract import Contract
 
 @check("GK602", HIGH, "generators", applies=settled_by_seed)
 def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """The game draws from a generator of its own, not from the global ones of numpy, random, torch.
+    """The environment draws from its own generator, not from global ones (numpy, random, torch).
 
     Other code that draws from global generators, a learner or a second environment, changes the
     game, and reset's seed doesn't settle it. Tested by an episode in which they are seeded anew
@@ -64,7 +64,7 @@ OTHER_SEEDS: Final = 20
 """Seeds of the global generators, or instances, that a reproducer tries."""
 
 
-ALONE: Final = "the same play, also when others draw from the global generators"
+ALONE: Final = "the same episode, also when others draw from the global generators"
 
 
 def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> Reproducer:
@@ -139,7 +139,7 @@ def _global_generator_proof(api: str, name: str) -> Reproducer:
 
 @check("GK604", HIGH, "second_episode", "unseeded", applies=settled_by_seed)
 def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """reset(seed) starts the same play in a used instance as in a fresh one.
+    """reset(seed) starts the same episode in a used instance as in a fresh one.
 
     Training runs thousands of episodes in one instance; where something of the last one is left,
     no episode can be played again on its own. Tested after the same episode, and after one of
@@ -174,9 +174,9 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
             told = told_of(contract, counterfactual)
             proof = used_beside_fresh(evidence.api, before, told, times=times)
             for seen in parted(
-                counterfactual, proof, expected="the same play as in a fresh instance"
+                counterfactual, proof, expected="the same episode as in a fresh instance"
             ):
-                # where the play itself went before, all of it takes part, wherever they differ
+                # where the episode itself went before, all of it takes part, wherever they differ
                 yield replace(seen, where=whole(counterfactual)) if before is None else seen
 
 
@@ -211,7 +211,7 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Case
                 None if other is None else other.value,
                 told_of(contract, counterfactual),
             )
-            yield from parted(counterfactual, proof, expected="the same play as alone")
+            yield from parted(counterfactual, proof, expected="the same episode as alone")
     for look in evidence.looks.get("other_process", ()):
         settled = look.fact(SettledElsewhere)
         if settled is not None and settled.value.is_settled:
@@ -229,7 +229,7 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Case
                     yield Case(
                         difference_place(counterfactual, counterfactual.noise),
                         False,
-                        "the same play as in a first instance",
+                        "the same episode as in a first instance",
                         told_difference(counterfactual.noise),
                         program(
                             evidence.api,
@@ -253,13 +253,13 @@ def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Rep
         "calls = iter(calls)",
         "alike(alone, play(env, between=lambda: next(calls, lambda: None)()))",
         tells=tells,
-        unchanged=(),  # what instances share makes the same play twice differ just as well
+        unchanged=(),  # what instances share makes the same episode twice differ just as well
     )
 
 
 @check("GK608", HIGH, "other_process", applies=settled_by_seed)
 def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """The same seed and actions give the same play in other processes; no set's order decides.
+    """The same seed and actions give the same episode in other processes; no set's order decides.
 
     Python shuffles the order of sets of text anew in every process, so that results repeat within
     one run and never in the next. The other process runs under another PYTHONHASHSEED.
@@ -281,7 +281,7 @@ def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -
         seed = None if fact is None else fact.value.seed
         for counterfactual in look.counterfactuals:
             proof = _process_proof(evidence.api, seed, told_of(contract, counterfactual))
-            yield from parted(counterfactual, proof, expected="the same play as in this process")
+            yield from parted(counterfactual, proof, expected="the same episode as in this process")
 
 
 def _process_proof(api: str, seed: int | None, tells: frozenset[str]) -> Reproducer:

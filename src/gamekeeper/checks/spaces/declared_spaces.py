@@ -94,7 +94,7 @@ def spaces_stay_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
 
 def _space_change_proof(agent: str, name: str, *, is_later: bool) -> Reproducer:
-    """The space before the play, copied, against the one after it, or after the next reset."""
+    """The space before the episode, copied, against the one after it, or after the next reset."""
     again = "env.reset(seed=None if SEED is None else SEED + 1)\n" if is_later else ""
     find = f"next(a for a in env.possible_agents if str(a) == {agent!r})"
     return Reproducer(

@@ -139,7 +139,7 @@ def _contradictions(source: str, facts: Sequence[Fact[MaskTrial]]) -> list[_Cont
 def _shown(
     api: str, source: str, facts: Sequence[Fact[MaskTrial]]
 ) -> tuple[_Contradiction, _Contradiction | None] | None:
-    """A void and a taken action of one play, where there are enough; None: nothing is shown."""
+    """A void and a taken action of one episode, where there are enough; None: nothing is shown."""
     wrong = _contradictions(source, facts)
     void, taken = ([each for each in wrong if each.is_allowed is kind] for kind in (True, False))
     if min(len(void), len(taken)) >= LEAST:

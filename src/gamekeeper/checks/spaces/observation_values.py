@@ -182,7 +182,7 @@ def observations_have_the_dtype_of_their_space(
 def observations_have_the_shape_of_their_space(
     contract: Contract, evidence: ProbeEvidence
 ) -> Cases:
-    """Every observation has the shape of its observation space, whoever is left in the game.
+    """Every observation has the shape of its observation space, whichever agents are left.
 
     Networks have one input size. A shape that changes when another agent leaves or joins shows only
     in the episodes where that happens.

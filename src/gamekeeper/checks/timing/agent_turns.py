@@ -38,7 +38,7 @@ class AecStep:
 
 
 def aec_steps(evidence: ProbeEvidence) -> Iterator[list[AecStep]]:
-    """The steps of each play that have been made."""
+    """The steps of each episode that have been made."""
     rosters = [fact.value.turns for fact in evidence.facts(TurnRosters)]
     for episode, agents in zip(evidence["rollout"], rosters, strict=False):
         yield list(_env_steps(episode, agents))

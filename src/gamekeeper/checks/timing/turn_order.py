@@ -35,10 +35,10 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     looks_at="an order of agents that the contract declares",
 )
 def order_is_as_declared(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Agents act in the declared order: stage after stage, fixed or rotating, nobody left out.
+    """Agents act in the declared order: stage after stage, fixed or rotating, none left out.
 
     A tick is a round in which everybody who is live acts once. Who acts late sees more: an order
-    that isn't the declared one gives away, or takes, what the game form promises to each role.
+    that isn't the declared one gives away, or takes, what the structure promises to each role.
 
     Bad:
         [schedule]

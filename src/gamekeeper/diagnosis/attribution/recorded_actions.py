@@ -1,4 +1,4 @@
-"""One play watched closely: what was given, done and paid at each turn, by agent.
+"""One episode watched closely: what was given, done and paid at each turn, by agent.
 
 A track plays from a script where it has one: every agent does what it did at its own k-th decision,
 and one of them may do otherwise. Where such an action isn't legal now, or the script has no more of

@@ -242,7 +242,7 @@ class ReplacementRunner(OpenSetup):
         failed = loop.run()
         if failed is not None:
             raise EnvError(
-                "a play broke off",
+                "an episode broke off",
                 where=f"seed {play.seed}, turn {failed.turn}, {failed.call}",
                 actual=f"{failed.kind}: {failed.text}",
                 fix="replay the episode with this seed; the environment raised there",

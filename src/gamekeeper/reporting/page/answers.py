@@ -193,7 +193,7 @@ def _least(run: ShownRun, attribution: Document | None) -> Answer | None:
     agent, text = found
     place = run.figures.agents.index(agent) if agent in run.figures.agents else None
     link = {} if place is None else _worst_episode(run, place)
-    return Answer("Adds least", text, agent, "plain", **link)
+    return Answer("Contributes least", text, agent, "plain", **link)
 
 
 def _least_added(attribution: Document | None) -> tuple[str, str] | None:
@@ -212,8 +212,8 @@ def _least_added(attribution: Document | None) -> tuple[str, str] | None:
         if part.get("low") is None
         else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
     )
-    text = f"With {part.get('baseline') or 'a baseline'} in its place the team loses least: "
-    return agent, f"{text}{shown(part['value'])}{between}{_tied(others)}."
+    text = f"Team return lost with {part.get('baseline') or 'a baseline'} in its place: "
+    return agent, f"{text}{shown(part['value'])}{between}{_tied(others)}, the least of all agents."
 
 
 def _worst_episode(run: ShownRun, place: int) -> Link:
@@ -270,7 +270,7 @@ def _did(run: ShownRun, diagnosis: Document | None) -> Answer | None:
         return None
     link = f"#play:{run.key}/{each['episode']}/{each['turn']}@{each['agent']}"
     text = f"{text[0].upper()}{text[1:]}."
-    return Answer("What it did", text, link=link, link_text="watch it")
+    return Answer("First turn", text, link=link, link_text="watch it")
 
 
 def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
@@ -279,10 +279,10 @@ def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     text = _restored(_named(documents.diagnosis), first.get("intervention"))
     if text:
         link: Link = {"link": "#causes", "link_text": "what was tested"}
-        return Answer("With one change", text, "tested", "tested", **link)
+        return Answer("Counterfactual", text, "tested", "tested", **link)
     text = _held_still(documents.audit)
     if text:
-        return Answer("With one change", text, "tested", "tested", "#verdicts", "verdicts")
+        return Answer("Counterfactual", text, "tested", "tested", "#verdicts", "verdicts")
     if documents.diagnosis is not None or documents.pivots is not None:
         return None
     if run.evidence.root is None or env_words(run.evidence) is None:
@@ -290,8 +290,8 @@ def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
     path = quoted(run.path)
     text = f"`gamekeeper view {path} --interactive` plays on from any turn with one thing changed"
     if any(run.failed):
-        text = f"`gamekeeper diagnose {path}` finds what would have let it succeed; {text}"
-    return Answer("With one change", f"{text}.", "not tested", "not_tested")
+        text = f"`gamekeeper diagnose {path}` looks for a repair; {text}"
+    return Answer("Counterfactual", f"{text}.", "not tested", "not_tested")
 
 
 def _restored(named: Mapping[str, Document], first: str | None) -> str:
@@ -333,8 +333,7 @@ def _held_still(audit: Document | None) -> str:
 
 
 NOT_AGAINST: Final = (
-    "This isn't against the likely cause: that was tested by changing it, this by playing on "
-    "unchanged."
+    "The likely cause was tested by an intervention; this is about continuations without one."
 )
 """Said of an episode without a turn that lost it, where a cause was named."""
 
@@ -347,8 +346,7 @@ def _lost(run: ShownRun, documents: Documents) -> Answer | None:
     each = next((each for each in episodes if each["pivots"]), episodes[0])
     number = each["episode"]
     if not each["pivots"]:
-        asked = ", success if the policies go on from a turn" if each["curve"] else ""
-        text = f"Episode {number}{asked}: {no_pivot_text(each)}."
+        text = f"No turn of episode {number} is named: {no_pivot_text(each)}."
         if _named(documents.diagnosis):
             text = f"{text} {NOT_AGAINST}"
         return Answer("Lost at", text, link="#pivots", link_text="curve of success")
@@ -383,7 +381,7 @@ def _findings(audit: Document | None) -> Answer | None:
     text = f"{_checks(len(bad))} of the environment failed"
     tried = [each["reproduced"] for each in causes if each.get("reproduced")]
     if tried and all(each["failed"] == each["tried"] for each in tried):
-        text += "; what causes them was seen again in every new process"
+        text += ", confirmed in every new process"
     lines = [*map(_broken, causes[:MOST_BROKEN]), *([f"and {more} more"] if more > 0 else [])]
     return Answer("Findings", f"{text}.", words, "failed", lines=tuple(lines), **link)
 
@@ -392,7 +390,7 @@ def _broken(verdict: Document) -> str:
     """The rule that was broken, worded as the command line does, and where first."""
     place = str((verdict.get("findings") or [{}])[0].get("where", ""))
     rule = broken_rule(verdict).rstrip(".")
-    return f"{verdict['id']}  {rule}.{f' First broken at {place}' if place else ''}"
+    return f"{verdict['id']}  {rule}.{f' First failed at {place}' if place else ''}"
 
 
 def _compared(evaluation: Document | None) -> Answer | None:

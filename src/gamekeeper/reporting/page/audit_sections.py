@@ -1,4 +1,4 @@
-"""Sections of an audit: verdicts by severity, and the game form, declared beside measured."""
+"""Sections of an audit: verdicts by severity, and the structure, declared beside measured."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -218,7 +218,7 @@ def _pairs(rows: Sequence[Mapping[str, Any]], lag: str) -> PageTable:
 APIS: Final = {
     "aec": "AEC, agents take turns",
     "parallel": "Parallel, agents act together",
-    "either": "AEC and Parallel keep the game alike",
+    "either": "AEC and Parallel fit alike",
 }
 FIRST_EPISODES: Final = 20
 """Episodes from which the order of turns is read."""
@@ -244,7 +244,7 @@ def form_section(
         lag = "steps"
     return PageSection(
         "form",
-        "The game form",
+        "Structure",
         (
             PageBlock(
                 facts=tuple(_facts(evidence, declared)),

@@ -225,7 +225,7 @@ def _played_by(run: ShownRun) -> str:
         agents.setdefault(policy, []).append(agent)
     ranked = sorted(agents, key=lambda policy: -len(agents[policy]))
     others = [f"; {few(agents[each], most=2)} by {each}" for each in ranked[1 : 1 + MOST_POLICIES]]
-    return f", played by {ranked[0]}{''.join(others)}" if ranked else ""
+    return f", policy {ranked[0]}{''.join(others)}" if ranked else ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -211,7 +211,7 @@ def failing(
             found.append(any(failed(outcome, conditions, contract).values()))
         except (ContractError, EvidenceError) as error:
             found.append(True if header.get("error") else None)
-            why = f"{error.what}; measured are {error.expected}" if error.expected else error.what
+            why = f"{error.what}; expected: {error.expected}" if error.expected else error.what
             text = f"{text} ({why})" if why not in text else text
     return found, text
 

@@ -21,7 +21,7 @@ from gamekeeper.rollouts.interventions.value_parts import (
 
 @dataclass(frozen=True, slots=True)
 class ActionDropout(ActionPerturbation):
-    """Has an agent do nothing at some turns, whatever it chose.
+    """Replaces an agent's action by its noop at some turns.
 
     It does the declared noop; where none is declared, what it last did of its own choice (at first,
     what it chooses). What is illegal now gives way to the noop, else to the first legal action. The
@@ -51,7 +51,7 @@ class ActionDropout(ActionPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class ActionNoise(ActionPerturbation):
-    """Carries out another action than the agent chose, at some turns.
+    """Replaces an agent's action by a random legal one at some turns.
 
     The strength is the probability, at each turn and for each whole number of an action by itself,
     that another legal value takes its place, each as likely as any other; a Box's numbers all get a
@@ -117,7 +117,7 @@ NOT_CONTINUOUS: Final = "its actions are no numbers between bounds"
 
 @dataclass(frozen=True, slots=True)
 class ActionSaturation(ActionPerturbation):
-    """Cuts a Box's numbers off within a narrower range than is declared.
+    """Clips a Box action to a narrower range than declared.
 
     The range shrinks towards the declared noop; where there is none, towards 0 or what is nearest
     to it. The strength is the part of the range that is lost: at 1 only the noop is left.
@@ -167,7 +167,7 @@ def _range(numbers: PartNumbers, offer: Offer, left: float) -> tuple[Floats, Flo
 
 @dataclass(frozen=True, slots=True)
 class Frozen(ActionPerturbation):
-    """Repeats an agent's first action in place of what it chooses.
+    """Repeats an agent's first action at every turn.
 
     Where that is illegal, the declared noop stands in, else the first legal action. The strength is
     the probability at each turn; at 1 nothing is left of the agent's plan but its first action.
@@ -194,7 +194,7 @@ class Frozen(ActionPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class StickyActions(ActionPerturbation):
-    """Repeats at some turns what the agent did at the turn before.
+    """Repeats an agent's previous action at some turns.
 
     Where that is illegal now, the declared noop stands in, else the first legal action. The
     strength is the probability at each turn.

@@ -15,7 +15,7 @@ from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
 
 @dataclass(frozen=True, slots=True)
 class Reenacted(Intervention):
-    """Everybody but those who are free does at each turn what the script says.
+    """Replays a script of actions for all agents but the free ones.
 
     An agent without a scripted action there chooses freely too. What is illegal now gives way to
     the declared noop, else to the first legal action.
@@ -74,7 +74,7 @@ class _Scripted(PlacedHooks):
 
 @dataclass(frozen=True, slots=True)
 class ReplacedAction(Intervention):
-    """One agent does something else at one turn; everybody else does what they did.
+    """Replaces one agent's action at one turn; all others stay as recorded.
 
     Attributes:
         turn: at which; nothing changes where the agent doesn't act then.
@@ -103,7 +103,7 @@ class _Replaced(Hooks):
 
 @dataclass(frozen=True, slots=True)
 class Held(Intervention):
-    """Actions are held; only where every action is legal at every turn.
+    """Repeats each action for some turns; only where every action is always legal.
 
     Attributes:
         turns: for how long, on average.
@@ -134,7 +134,7 @@ class _Holding(Hooks):
 
 @dataclass(frozen=True, slots=True)
 class InUnison(Intervention):
-    """At about every second turn all do what one of them does, drawn anew each time.
+    """Gives all agents the action of one of them, drawn anew, at about every second turn.
 
     Only for agents of equal action spaces without masks. Two that do the same at once come into
     conflict far more often than two that draw: firing together, wanting one cell from both sides.

@@ -15,7 +15,7 @@ from gamekeeper.rollouts.interventions.sights import AgentSight, Eye, Observatio
 
 @dataclass(frozen=True, slots=True)
 class ActionDelay(ActionPerturbation):
-    """Carries out what an agent chose some of its own turns ago.
+    """Delays an agent's actions by some of its own turns.
 
     Until the first of them is due, and where one is illegal when it is, the declared noop stands
     in, else the first legal action. The strength is the number of turns.
@@ -41,7 +41,7 @@ class ActionDelay(ActionPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class ObservationDelay(ObservationPerturbation):
-    """Shows an agent what it was given some of its own turns ago; at first, what came first.
+    """Delays an agent's observations by some of its own turns; at first it sees the first one.
 
     The mask is that of now. The strength is the number of turns.
     """
@@ -66,7 +66,7 @@ class ObservationDelay(ObservationPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class SlowerAgent(ActionPerturbation):
-    """Has an agent do nothing for some of its turns after each that it acts in.
+    """Replaces an agent's actions by its noop for some turns after each one.
 
     It does the declared noop; where that is illegal, the first legal action. The strength is the
     number of turns that it waits.

@@ -55,7 +55,7 @@ CALLS: Final[dict[str, Callable[[Any], None]]] = {
 
 @dataclass(frozen=True, slots=True)
 class ExtraCalls(Intervention):
-    """Makes calls that only look after the reset and after every step.
+    """Makes calls that should only read after the reset and every step.
 
     In an AEC environment, also between `last()` and the step.
 
@@ -87,7 +87,7 @@ class _Calling(Hooks):
         return actions
 
     def _call(self) -> None:
-        """Calls; whatever an extra call raises, the play goes on: others look at that."""
+        """Calls; whatever an extra call raises, the episode goes on: others look at that."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for call in self._calls:
@@ -99,7 +99,7 @@ class _Calling(Hooks):
 
 @dataclass(frozen=True, slots=True)
 class ActionsOverwritten(Intervention):
-    """Overwrites the arrays of actions after the step that they were for, and empties their dict.
+    """Overwrites the arrays of actions after their step, and empties their dict.
 
     A learner re-uses its buffers like that; an environment that kept a reference reads them late.
     """

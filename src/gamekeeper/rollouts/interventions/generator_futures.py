@@ -17,7 +17,7 @@ from gamekeeper.rollouts.process_randomness import (
 
 @dataclass(frozen=True, slots=True)
 class GeneratorsElsewhere(Intervention):
-    """Gives some of the generators that the environment holds another future after the reset.
+    """Changes the state of some of the environment's generators after the reset.
 
     A game that draws nothing from them plays on as it did.
 
@@ -30,7 +30,7 @@ class GeneratorsElsewhere(Intervention):
     number: int = 0
 
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play; they draw nothing."""
+        """The hooks for one episode; they draw nothing."""
         return _Elsewhere(self)
 
 
@@ -46,7 +46,7 @@ class _Elsewhere(Hooks):
 
 @dataclass(frozen=True, slots=True)
 class GlobalGeneratorsDisturbed(Intervention):
-    """Seeds numpy.random, random and torch before the reset and between all turns.
+    """Seeds numpy.random, random and torch before the reset and between turns.
 
     A learner draws from them too; an environment with a generator of its own doesn't notice.
     Afterwards they are as they were before.

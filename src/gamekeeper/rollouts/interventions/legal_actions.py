@@ -166,7 +166,7 @@ class ActionPerturbation(Perturbation):
 
     @abstractmethod
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent, for one play; it never writes into what was chosen."""
+        """Returns the hand of an agent, for one episode; it never writes into what was chosen."""
 
     @classmethod
     def applies(cls, contract: Contract, env: Any, agent: AgentId) -> str | None:

@@ -21,7 +21,7 @@ from gamekeeper.rollouts.interventions.value_parts import (
 
 @dataclass(frozen=True, slots=True)
 class MessageDrop(MessagePerturbation):
-    """Blanks what is told to an agent at some turns: the declared message fields that it sees.
+    """Sets the declared message fields in an agent's observation to zero at some turns.
 
     The agents are those that listen. Blank are zeros, or what the space has that is nearest to
     them; no text. The strength is the probability at each turn.
@@ -40,7 +40,7 @@ class MessageDrop(MessagePerturbation):
 
 @dataclass(frozen=True, slots=True)
 class MessageShuffle(MessagePerturbation):
-    """Tells an agent something else at some turns, in the declared message fields that it sees.
+    """Exchanges the declared message fields in an agent's observation at some turns.
 
     The agents are those that listen. Several numbers come in another order (a word that stands as
     a one among zeros becomes another word), one of a Discrete space becomes any of the space, and

@@ -25,7 +25,7 @@ from gamekeeper.rollouts.interventions.value_parts import Floats, ValuePart, nam
 
 @dataclass(frozen=True, slots=True)
 class ObservationNoise(NumberPerturbation):
-    """Adds a normal number to each number that an agent sees, drawn anew at every turn.
+    """Adds normal noise to an agent's observations.
 
     Whole numbers are rounded, and all stay in the space. The mask is left alone. The strength is
     the standard deviation as a part of the number's declared range; where no bounds are declared
@@ -46,7 +46,7 @@ class ObservationNoise(NumberPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class ObservationBias(NumberPerturbation):
-    """Adds to each number that an agent sees an offset that is drawn once an episode.
+    """Adds an offset to an agent's observations, drawn once an episode.
 
     Offsets are normal; whole numbers are rounded, and all stay in the space. The mask is left
     alone. The strength is the standard deviation over episodes as a part of the number's declared
@@ -68,7 +68,7 @@ class ObservationBias(NumberPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class ObservationDrift(NumberPerturbation):
-    """Adds to each number that an agent sees an offset that takes a normal step at every turn.
+    """Adds a random walk to an agent's observations.
 
     A random walk from 0 that nothing brings back: after n turns its deviation is the strength times
     the root of n. Whole numbers are rounded, and all stay in the space; the mask is left alone. The
@@ -96,7 +96,7 @@ class ObservationDrift(NumberPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class ObservationDropout(ObservationPerturbation):
-    """Blanks all that an agent sees at some turns, each by itself.
+    """Sets an agent's whole observation to zero at some turns.
 
     Blank are zeros, or what the space has that is nearest to them; no text, no items. The mask is
     left alone. The strength is the probability at each turn.
@@ -115,7 +115,7 @@ class ObservationDropout(ObservationPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class OccludedFields(ObservationPerturbation):
-    """Blanks a part of what an agent sees for the whole episode.
+    """Sets a part of an agent's observation to zero for the whole episode.
 
     The fields are the parts of a Dict or Tuple observation, or each number where it is one array;
     which of them are hidden is drawn once an episode, so that a greater strength hides the same and
@@ -137,7 +137,7 @@ class OccludedFields(ObservationPerturbation):
     def __post_init__(self) -> None:
         Perturbation.__post_init__(self)
         for name in self.fields or ():
-            message_field(name)  # or a ContractError now, and not in the middle of a play
+            message_field(name)  # or a ContractError now, and not in the middle of an episode
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
         """Returns the eye of an agent for one play."""
@@ -161,7 +161,7 @@ def _split(parts: tuple[ValuePart, ...]) -> list[ValuePart]:
 
 @dataclass(frozen=True, slots=True)
 class StaleMemory(ObservationPerturbation):
-    """Shows an agent again and again what it saw before, for bursts of turns.
+    """Repeats an agent's last observation for bursts of turns.
 
     The mask is that of now. The strength is the probability, at each turn outside a burst, that one
     begins; during a burst the agent sees what it saw at the turn before it. The first turn is never

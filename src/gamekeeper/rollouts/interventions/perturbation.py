@@ -28,7 +28,7 @@ class Perturbation(Intervention):
     """Makes one thing worse, for some agents; what depends on that thing suffers.
 
     What it draws comes from a stream for each agent, as many numbers at every turn whatever the
-    strength: another strength is the same play with more of the same, and agents don't depend on
+    strength: another strength is the same episode with more of the same, and agents don't depend on
     one another. With strength 0 nothing is done at all.
 
     Attributes:

@@ -83,7 +83,7 @@ class ObservationPerturbation(Perturbation):
 
     @abstractmethod
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent, for one play; it never writes into what was given."""
+        """Returns the eye of an agent, for one episode; it never writes into what was given."""
 
     @classmethod
     def applies(cls, contract: Contract, env: Any, agent: AgentId) -> str | None:

@@ -16,7 +16,7 @@ from gamekeeper.rollouts.interventions.perturbation import Perturbation, Perturb
 
 @dataclass(frozen=True, slots=True)
 class ActionOrder(Intervention):
-    """The same actions at every turn, in another order of the dictionary.
+    """Passes the same actions in another order of the dictionary.
 
     Attributes:
         order: `reversed` (every pair of agents changes its places), `rotated` (the first goes to
@@ -58,7 +58,7 @@ def reordered(order: str, agents: Sequence[AgentId], turn: int) -> list[AgentId]
 
 @dataclass(frozen=True, slots=True)
 class LaterPlace(Perturbation):
-    """Moves agents to the end of a tick's actions, or to its beginning where they end it already.
+    """Moves agents to the end of a tick's actions, or to the start where they are last.
 
     Nobody does anything else: only what hangs on the order within a tick is changed. With everybody
     named, the order is turned round. The strength is the probability at each tick.

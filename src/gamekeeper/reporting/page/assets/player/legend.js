@@ -12,8 +12,8 @@ const KEYS = [
 const MEANINGS = {
   failure: "the episode failed",
   error: "error, or the recorder was killed",
-  since: "first difference from the play that the likely cause was found by",
-  divergence: "first difference from another play",
+  since: "first difference from the counterfactual",
+  divergence: "first difference from another episode",
   pivot: "turn that lost it",
   label: "label of a failure",
   change: "something was changed",
