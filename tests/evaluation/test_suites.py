@@ -9,7 +9,7 @@ import pytest
 import tomli_w
 
 from gamekeeper.errors import SpecError
-from gamekeeper.evaluation.evaluator import evaluate, looked_at
+from gamekeeper.evaluation.evaluator import evaluate, inspected
 from gamekeeper.evaluation.spec_reader import read_file
 from gamekeeper.evaluation.suites import fingerprint_of, pinned, suite_named, suites
 
@@ -50,15 +50,15 @@ def test_suites_of_ours_can_be_read_and_are_named_by_their_ids() -> None:
 
 def test_suite_has_one_fingerprint_before_and_after_it_is_pinned(path: Path) -> None:
     """Pins are no part of it; its episodes are."""
-    spec, looks = looked_at(path)
-    before = fingerprint_of(spec, looks)
-    data = pinned(tomllib.loads(path.read_text()), looks)
+    spec, inspections = inspected(path)
+    before = fingerprint_of(spec, inspections)
+    data = pinned(tomllib.loads(path.read_text()), inspections)
     path.write_text(tomli_w.dumps(data))
-    again, looks = looked_at(path)
-    assert again.environments["line"].digest == looks["line"].digest
-    assert before == fingerprint_of(again, looks)
+    again, inspections = inspected(path)
+    assert again.environments["line"].digest == inspections["line"].digest
+    assert before == fingerprint_of(again, inspections)
     path.write_text(tomli_w.dumps({**data, "seeds": {"episodes": 3}}))
-    assert before != fingerprint_of(*looked_at(path))
+    assert before != fingerprint_of(*inspected(path))
 
 
 def test_suite_refuses_what_it_does_not_pin(path: Path) -> None:

@@ -118,7 +118,7 @@ def evaluation_against(
         policies = document.get("policies") or {}
         choices = _choices(policies, allow_import=allow_import)
         files = {name: _files(policies[name]) for name in choices}
-        now, why_not = _look(opening, then.get("options"), choices, files, silence_s)
+        now, why_not = _inspection(opening, then.get("options"), choices, files, silence_s)
         rows += _environment_rows(name, then, now, _again(document))
         rows += _policy_rows(name, policies, now["policies"], why_not, _again(document))
     return Against(str(folder), env, tuple(rows))
@@ -168,7 +168,7 @@ def _files(policy: Mapping[str, Any]) -> list[str]:
     return [name for name in named if not Path(name).exists() or Path(name).is_file()]
 
 
-def _look(
+def _inspection(
     opening: Mapping[str, Any],
     options: Any,
     choices: Mapping[str, Any],
@@ -176,15 +176,15 @@ def _look(
     silence_s: float,
 ) -> tuple[Any, str]:
     """Inspects what is installed now; leaves out policies that can't be found, with the reason."""
-    from gamekeeper.evaluation.inspection import LOOK
+    from gamekeeper.evaluation.inspection import INSPECT
 
     arguments = {"opening": opening, "options": None if options is None else canonical(options)}
     try:
         given = {**arguments, "policies": choices, "files": files}
-        return value_of_task(LOOK, given, silence_s=silence_s), NOT_ALLOWED
+        return value_of_task(INSPECT, given, silence_s=silence_s), NOT_ALLOWED
     except PolicyError as error:
         given = {**arguments, "policies": {}, "files": {}}
-        return value_of_task(LOOK, given, silence_s=silence_s), error.what
+        return value_of_task(INSPECT, given, silence_s=silence_s), error.what
 
 
 def _environment_rows(

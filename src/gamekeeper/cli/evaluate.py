@@ -227,7 +227,7 @@ def _pinned(screen: Screen, text: str, timeout: float) -> CommandResult:
 
     import tomli_w
 
-    from gamekeeper.evaluation.evaluator import looked_at
+    from gamekeeper.evaluation.evaluator import inspected
     from gamekeeper.evaluation.suites import fingerprint_of, pinned, suites
 
     path = Path(text) if text.endswith(".toml") else suites().get(text)
@@ -239,14 +239,14 @@ def _pinned(screen: Screen, text: str, timeout: float) -> CommandResult:
             actual=text,
             fix="write the specification into a TOML file, and name that",
         )
-    spec, looks = looked_at(path, timeout_s=timeout)
-    data = pinned(tomllib.loads(path.read_text(encoding="utf-8")), looks)
+    spec, inspections = inspected(path, timeout_s=timeout)
+    data = pinned(tomllib.loads(path.read_text(encoding="utf-8")), inspections)
     draft = path.with_name(f".{path.name}.draft")
     draft.write_text(tomli_w.dumps(data), encoding="utf-8")
     draft.replace(path)
-    fingerprint = fingerprint_of(spec, looks)
+    fingerprint = fingerprint_of(spec, inspections)
     screen.show(f"Pinned  {path}\n  fingerprint  {fingerprint}")
-    digests = {name: look.digest for name, look in looks.items()}
+    digests = {name: inspection.digest for name, inspection in inspections.items()}
     return CommandResult({"spec": str(path), "fingerprint": fingerprint, "environments": digests})
 
 

@@ -87,22 +87,22 @@ def worked_out(
         document: of the evaluation, for its specification and the names of its parts.
     """
     spec = _spec(document["spec"])
-    looks = {name: _look(document, name, runs) for name in spec.environments}
-    matches = matches_of(spec, looks, is_here=True)
-    rows = [row for match in matches for row in _rows(spec, match, looks, runs)]
-    figures, _, _ = judged_of(spec, looks, matches, table_of(rows))
+    inspections = {name: _inspection(document, name, runs) for name in spec.environments}
+    matches = matches_of(spec, inspections, is_here=True)
+    rows = [row for match in matches for row in _rows(spec, match, inspections, runs)]
+    figures, _, _ = judged_of(spec, inspections, matches, table_of(rows))
     return figures_in(figures)
 
 
 def _rows(
     spec: Spec,
     match: Match,
-    looks: Mapping[str, Inspection],
+    inspections: Mapping[str, Inspection],
     runs: Mapping[tuple[str, str], Evidence],
 ) -> Iterator[dict[str, Any]]:
     """Raw episodes of a line-up, from its run."""
     environment, pairing = match.environment, match.pairing.name
-    contract = looks[environment].declared
+    contract = inspections[environment].declared
     success = Success(contract, spec.environments[environment].success)
     for number, episode in enumerate(runs[environment, pairing].episodes):
         label = {"environment": environment, "pairing": pairing, "episode": number, "reset": None}
@@ -114,12 +114,12 @@ def _rows(
             lengths=Counter(a for turn in episode.turns for a in turn.order if a not in turn.ended),
             success=success,
             contract=contract,
-            roster=list(looks[environment].roles),
+            roster=list(inspections[environment].roles),
             infos=spec.infos,
         )
 
 
-def _look(
+def _inspection(
     document: Mapping[str, Any], name: str, runs: Mapping[tuple[str, str], Evidence]
 ) -> Inspection:
     """Inspection of an environment, as the evaluation and one of its runs have it."""

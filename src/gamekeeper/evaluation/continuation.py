@@ -17,7 +17,7 @@ RESULT_BYTES: Final = 1 << 28
 
 
 def settle_plan(
-    spec: Spec, looks: Mapping[str, Inspection], matches: Sequence[Match], storage: Storage
+    spec: Spec, inspections: Mapping[str, Inspection], matches: Sequence[Match], storage: Storage
 ) -> list[str]:
     """Notes what is played into a storage; says what has changed since it was noted last.
 
@@ -29,14 +29,17 @@ def settle_plan(
         "settings": {"seed": spec.seed, "infos": list(spec.infos)},
         "environments": {
             name: {
-                "digest": look.digest,
-                "version": look.version,
-                "contract": digest_of(look.contract),
+                "digest": inspection.digest,
+                "version": inspection.version,
+                "contract": digest_of(inspection.contract),
             }
-            for name, look in looks.items()
+            for name, inspection in inspections.items()
         },
         "policies": {
-            policy: {name: list(look.policies.get(policy, ())) for name, look in looks.items()}
+            policy: {
+                name: list(inspection.policies.get(policy, ()))
+                for name, inspection in inspections.items()
+            }
             for policy in spec.policies
         },
     }

@@ -141,7 +141,7 @@ def _write(path: Path, text: str) -> None:
         ) from None
 
 
-def looked_at(
+def inspected(
     spec: object, *, timeout_s: float | None = SILENCE_S
 ) -> tuple[Spec, dict[str, Inspection]]:
     """A specification, and what its environments and policies are as they are installed here.
@@ -160,7 +160,7 @@ def looked_at(
             Limits(silence_s=timeout_s),
             lambda fields: None,
         )
-        return whole, evaluation_run.looks()
+        return whole, evaluation_run.inspections()
 
 
 def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
@@ -187,21 +187,21 @@ def _evaluated(
     spec: Spec, evaluation_run: EvaluationRun, note: Callable[[str], None], *, unpinned: bool
 ) -> tuple[Evaluation, list[Ground]]:
     """Plays what is missing and judges everything."""
-    looks = evaluation_run.looks()
-    refuse_copies(spec, looks)
-    refuse_role_names(spec, looks)
-    strange = check_pins(spec, looks)
+    inspections = evaluation_run.inspections()
+    refuse_copies(spec, inspections)
+    refuse_role_names(spec, inspections)
+    strange = check_pins(spec, inspections)
     if not unpinned:
         refuse_unpinned(spec, strange)
-    matches = matches_of(spec, looks, is_here=evaluation_run.is_here)
-    for text in settle_plan(spec, looks, matches, evaluation_run.storage):
+    matches = matches_of(spec, inspections, is_here=evaluation_run.is_here)
+    for text in settle_plan(spec, inspections, matches, evaluation_run.storage):
         note(text)
-    stopping = None if spec.stop is None else Stopping(spec, looks)
+    stopping = None if spec.stop is None else Stopping(spec, inspections)
     episodes, played = _played(spec, evaluation_run, matches, stopping)
     note(_said_of(played, episodes * len(matches)))
     table, told = evaluation_run.merge(matches, episodes)
     evidence = evaluation_run.keep(matches, episodes) if spec.record else []
-    figures, grounds, judge = judged_of(spec, looks, matches, table)
+    figures, grounds, judge = judged_of(spec, inspections, matches, table)
     stopped = None if stopping is None else stopping.to_json(episodes)
     _keep_payoffs(figures["crossplay"], evaluation_run.storage)
     _refuse_unrepeated(judge, evidence)
@@ -219,11 +219,11 @@ def _evaluated(
     figures["comparisons"] = tuple(figures["comparisons"])
     found = Evaluation(
         name=spec.name,
-        suite=_suite(spec, looks, strange),
+        suite=_suite(spec, inspections, strange),
         seed=spec.seed,
         level=spec.level,
-        environments=_environments(spec, looks),
-        policies=_policies(spec, looks),
+        environments=_environments(spec, inspections),
+        policies=_policies(spec, inspections),
         stopping=stopped,
         refused=tuple(judge.refused),
         claims=tuple(claims_of(figures["comparisons"])),
@@ -238,7 +238,7 @@ def _evaluated(
 
 
 def judged_of(
-    spec: Spec, looks: Mapping[str, Inspection], matches: Sequence[Match], table: pa.Table
+    spec: Spec, inspections: Mapping[str, Inspection], matches: Sequence[Match], table: pa.Table
 ) -> tuple[dict[str, Any], list[Ground], Judge]:
     """Figures, intervals and comparisons over raw episodes; nothing is played or opened.
 
@@ -248,7 +248,7 @@ def judged_of(
     """
     judge = Judge(spec.level, spec.seed)
     sheets = _sheets(spec, table)
-    grounds = _grounds(spec, looks, matches, sheets)
+    grounds = _grounds(spec, inspections, matches, sheets)
     results = [row for ground in grounds for row in results_of(spec, ground, judge)]
     tables = _tables(spec, grounds, matches, sheets, judge)
     comparisons = comparisons_of(spec, grounds, tables, judge)
@@ -360,15 +360,15 @@ def _since(table: pa.Table, match: Match, first: int) -> pa.Table:
 
 def _grounds(
     spec: Spec,
-    looks: Mapping[str, Inspection],
+    inspections: Mapping[str, Inspection],
     matches: Sequence[Match],
     sheets: Mapping[tuple[str, str], Sheet],
 ) -> list[Ground]:
     found = []
-    for name, look in looks.items():
+    for name, inspection in inspections.items():
         pairings = [match.pairing for match in matches if match.environment == name]
         mine = [(pairing, sheets[name, pairing.name]) for pairing in pairings]
-        found.append(ground_of(spec, name, look, mine))
+        found.append(ground_of(spec, name, inspection, mine))
     return found
 
 
@@ -391,34 +391,36 @@ def _tables(
 
 
 def _suite(
-    spec: Spec, looks: Mapping[str, Inspection], strange: Sequence[str]
+    spec: Spec, inspections: Mapping[str, Inspection], strange: Sequence[str]
 ) -> dict[str, Any] | None:
     if spec.suite is None:
         return None
     suite = {"id": spec.suite[0], "version": spec.suite[1]}
-    return {**suite, "fingerprint": fingerprint_of(spec, looks), "unpinned": list(strange)}
+    return {**suite, "fingerprint": fingerprint_of(spec, inspections), "unpinned": list(strange)}
 
 
-def _environments(spec: Spec, looks: Mapping[str, Inspection]) -> dict[str, Any]:
+def _environments(spec: Spec, inspections: Mapping[str, Inspection]) -> dict[str, Any]:
     return {
         name: {
             "spec": plain_of(each.spec),
             "kwargs": plain_of(dict(each.kwargs)),
             "options": plain_of(each.options),
-            "digest": looks[name].digest,
-            "version": looks[name].version,
-            "api": looks[name].api,
-            "roles": list(looks[name].role_names),
-            "agents": dict(looks[name].roles),
+            "digest": inspections[name].digest,
+            "version": inspections[name].version,
+            "api": inspections[name].api,
+            "roles": list(inspections[name].role_names),
+            "agents": dict(inspections[name].roles),
         }
         for name, each in spec.environments.items()
     }
 
 
-def _policies(spec: Spec, looks: Mapping[str, Inspection]) -> dict[str, Any]:
+def _policies(spec: Spec, inspections: Mapping[str, Inspection]) -> dict[str, Any]:
     found = {}
     for name, policy in spec.policies.items():
-        by_environment = {e: list(look.policies.get(name, ())) for e, look in looks.items()}
+        by_environment = {
+            e: list(inspection.policies.get(name, ())) for e, inspection in inspections.items()
+        }
         found[name] = {
             "runs": max((len(each) for each in by_environment.values()), default=0),
             "digests": list(dict.fromkeys(d for each in by_environment.values() for d in each)),

@@ -1,4 +1,4 @@
-"""The run of an evaluation: looks, parts that an executor plays, the merge, evidence."""
+"""The run of an evaluation: inspections, parts that an executor plays, the merge, evidence."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -11,13 +11,14 @@ import pyarrow.parquet as pq
 
 from gamekeeper.errors import EnvError, GamekeeperError
 from gamekeeper.evaluation.inspection import (
-    LOOK,
+    INSPECT,
     Inspection,
     check_named,
     choices_of,
-    env_step,
-    look_at,
+    inspect_env,
     opening_of,
+    placed,
+    portable,
 )
 from gamekeeper.evaluation.matchups import Match, chunks, played_keys
 from gamekeeper.evaluation.spec import Spec
@@ -61,7 +62,7 @@ class EvaluationRun:
     _played: dict[str, tuple[int, int]] = field(default_factory=dict)
     _total: int = 0
 
-    def looks(self) -> dict[str, Inspection]:
+    def inspections(self) -> dict[str, Inspection]:
         """Facts about the environments and their policies.
 
         Raises:
@@ -71,8 +72,8 @@ class EvaluationRun:
         """
         asked = {name: self._asked(name) for name in self.spec.environments}
         if self.is_here:
-            return {name: look_at(**arguments) for name, arguments in asked.items()}
-        tasks = [WorkTask(f"look.{k}", LOOK, each) for k, each in enumerate(asked.values())]
+            return {name: inspect_env(**arguments) for name, arguments in asked.items()}
+        tasks = [WorkTask(f"inspect.{k}", INSPECT, each) for k, each in enumerate(asked.values())]
         if isinstance(self.executor, LocalExecutor):  # its processes stay: the others import now
             others = range(len(tasks), self.executor.workers)
             tasks += [WorkTask(f"ready.{k}", READY) for k in others]
@@ -80,7 +81,7 @@ class EvaluationRun:
             values = {done.key: self._value(done) for done in ends}
         found = {}
         for k, name in enumerate(asked):
-            value = values[f"look.{k}"]
+            value = values[f"inspect.{k}"]
             policies = {policy: tuple(digests) for policy, digests in value["policies"].items()}
             found[name] = Inspection(**{**value, "policies": policies})
         return found
@@ -90,7 +91,7 @@ class EvaluationRun:
         opening: Any = opening_of(environment, self.spec)
         options: Any = environment.options
         if not self.is_here:
-            opening, options = env_step(opening, options)
+            opening, options = portable(opening, options)
             for policy, each in self.spec.policies.items():
                 check_named(policy, each.runs_in(name))
         return {
@@ -101,7 +102,7 @@ class EvaluationRun:
                 for policy, each in self.spec.policies.items()
             },
             "files": {
-                policy: list(choices_of(dict(enumerate(each.files)), self.spec).values())  # type: ignore[arg-type]  # only its values are looked at
+                policy: [placed(file, self.spec.folder) for file in each.files]
                 for policy, each in self.spec.policies.items()
             },
         }

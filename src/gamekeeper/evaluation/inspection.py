@@ -113,7 +113,7 @@ def _file_named(name: str) -> str | None:
     return None if found is None else file_digest(found)
 
 
-LOOK: Final = "gamekeeper.evaluation.inspection:look_task"
+INSPECT: Final = "gamekeeper.evaluation.inspection:inspect_task"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +159,8 @@ def opening_of(environment: EnvironmentSpec, spec: Spec) -> dict[str, Any]:
     }
 
 
-def env_step(opening: Mapping[str, Any], *options: Mapping[str, Any] | None) -> list[Any]:
-    """An opening, and options, as JSON that a worker process builds the same from.
+def portable(opening: Mapping[str, Any], *options: Mapping[str, Any] | None) -> list[Any]:
+    """An opening and options as plain JSON, from which a worker process builds the same.
 
     Raises:
         EvidenceError: there is an object that no text can build again.
@@ -220,7 +220,7 @@ def choices_of(choices: Choices, spec: Spec) -> dict[str, Any]:
     return {whom: placed(choice, spec.folder) for whom, choice in choices.items()}
 
 
-def look_task(
+def inspect_task(
     report: Any,
     *,
     opening: Mapping[str, Any],
@@ -234,22 +234,22 @@ def look_task(
         policies: by name, of each run who plays.
         files: by name, whose bytes count too.
     Returns:
-        The fields of a `Look`; or those of the `error` that was in the way.
+        The fields of an `Inspection`; or those of the `error` that was in the way.
     """
     try:
-        return asdict(look_at(opening, options, policies, files, report))
+        return asdict(inspect_env(opening, options, policies, files, report))
     except GamekeeperError as error:
         return {"error": error.to_json()}
 
 
-def look_at(
+def inspect_env(
     opening: Mapping[str, Any],
     options: Mapping[str, Any] | str | None,
     policies: Mapping[str, Sequence[Mapping[str, Any]]],
     files: Mapping[str, Sequence[str]],
     report: Any = lambda: None,
 ) -> Inspection:
-    """The same in this process; the arguments are those of `look_task`.
+    """The same in this process; the arguments are those of `inspect_task`.
 
     Raises:
         SpecError: the environment can't be opened.

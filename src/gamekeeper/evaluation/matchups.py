@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 from gamekeeper.errors import EvidenceError, PolicyError
-from gamekeeper.evaluation.inspection import Inspection, choices_of, digest_of, env_step, opening_of
+from gamekeeper.evaluation.inspection import Inspection, choices_of, digest_of, opening_of, portable
 from gamekeeper.evaluation.spec import EVERYONE, MOST_CELLS, Choices, Spec
 from gamekeeper.evaluation.worker_tasks import PARTS, PLAY
 from gamekeeper.rollouts.executors.storage import Storage
@@ -69,7 +69,7 @@ def shown(spec: Spec, side: Checkpoint) -> str:
     return f"{side.policy}#{side.run}" if spec.policies[side.policy].is_method else side.policy
 
 
-def positions_of(spec: Spec, environment: str, look: Inspection) -> tuple[str, ...]:
+def positions_of(spec: Spec, environment: str, inspection: Inspection) -> tuple[str, ...]:
     """The positions of an environment, of which every agent has one.
 
     Its roles, where there are several; its two agents; or one agent and all others.
@@ -78,12 +78,12 @@ def positions_of(spec: Spec, environment: str, look: Inspection) -> tuple[str, .
         EvidenceError: an agent has no position, or there is only one.
     """
     asked = spec.crossplay.roles.get(environment, spec.crossplay.roles.get(EVERYONE))
-    agents, roles = list(look.roles), list(look.role_names)
+    agents, roles = list(inspection.roles), list(inspection.role_names)
     if asked is None:
         several = tuple(roles) if len(roles) > 1 else tuple(agents)
         asked = several if len(several) <= max(len(roles), 2) else (agents[0], EVERYONE)
     known = {*agents, *roles, EVERYONE}
-    unplaced = [a for a, r in look.roles.items() if not {a, r, EVERYONE} & set(asked)]
+    unplaced = [a for a, r in inspection.roles.items() if not {a, r, EVERYONE} & set(asked)]
     strange = [position for position in asked if position not in known]
     if len(asked) < 2 or strange or unplaced:
         raise EvidenceError(
@@ -105,7 +105,7 @@ def _positions_fix(unplaced: Sequence[str], strange: Sequence[str]) -> str:
 
 
 def crossed(
-    spec: Spec, environment: str, look: Inspection, positions: tuple[str, ...]
+    spec: Spec, environment: str, inspection: Inspection, positions: tuple[str, ...]
 ) -> list[Pairing]:
     """Every policy in every position with every partner in all other positions; nobody alone.
 
@@ -126,7 +126,7 @@ def crossed(
                     actual="more",
                     fix="name fewer [crossplay] partners, or pair each run with a few: sample = 3",
                 )
-    return [_pairing(spec, environment, look, sides) for sides in found]
+    return [_pairing(spec, environment, inspection, sides) for sides in found]
 
 
 def _meetings(spec: Spec, environment: str) -> Iterator[tuple[Checkpoint, Checkpoint]]:
@@ -157,18 +157,18 @@ def _runs(spec: Spec, a: str, b: str, of_a: int, of_b: int) -> Iterator[tuple[in
                 yield i, j
 
 
-def _pairing(spec: Spec, environment: str, look: Inspection, sides: Sides) -> Pairing:
+def _pairing(spec: Spec, environment: str, inspection: Inspection, sides: Sides) -> Pairing:
     by_position = dict(sides)
     choices: dict[str, Any] = {}
     for position, side in sides:
         table = choices_of(spec.policies[side.policy].runs_in(environment)[side.run], spec)
-        roles = look.role_names if position == EVERYONE else (position,)
+        roles = inspection.role_names if position == EVERYONE else (position,)
         for role in roles:
-            if role in look.roles:  # the position is an agent
-                choices[role] = _choice(table, side, role, look.roles[role])
+            if role in inspection.roles:  # the position is an agent
+                choices[role] = _choice(table, side, role, inspection.roles[role])
             elif role not in by_position or role == position:
                 choices[role] = _choice(table, side, role)
-        for agent, role in look.roles.items():
+        for agent, role in inspection.roles.items():
             is_there = (
                 role in roles
                 and agent not in by_position
@@ -224,7 +224,7 @@ class Match:
         return WorkTask(key, PLAY, {"place": place, "key": key, **what})
 
 
-def matches_of(spec: Spec, looks: Mapping[str, Inspection], *, is_here: bool) -> list[Match]:
+def matches_of(spec: Spec, inspections: Mapping[str, Inspection], *, is_here: bool) -> list[Match]:
     """Every line-up of every environment, in the order of the specification.
 
     Args:
@@ -235,20 +235,22 @@ def matches_of(spec: Spec, looks: Mapping[str, Inspection], *, is_here: bool) ->
     """
     found = []
     for name in spec.environments:
-        look = looks[name]
+        inspection = inspections[name]
         positions: tuple[str, ...] = ()
         pairings = by_themselves(spec, name)
         if spec.crossplay.enabled:
-            positions = positions_of(spec, name, look)
-            pairings += crossed(spec, name, look, positions)
-        found += [_match(spec, name, look, each, positions, is_here=is_here) for each in pairings]
+            positions = positions_of(spec, name, inspection)
+            pairings += crossed(spec, name, inspection, positions)
+        found += [
+            _match(spec, name, inspection, each, positions, is_here=is_here) for each in pairings
+        ]
     return found
 
 
 def _match(
     spec: Spec,
     name: str,
-    look: Inspection,
+    inspection: Inspection,
     pairing: Pairing,
     positions: tuple[str, ...],
     *,
@@ -258,7 +260,7 @@ def _match(
     opening: Any = opening_of(environment, spec)
     options: Any = environment.options
     if not is_here:
-        opening, options = env_step(opening, options)
+        opening, options = portable(opening, options)
     sides = {position: [side.policy, side.run] for position, side in pairing.sides}
     part: dict[str, Any] = {
         "label": {"environment": name, "pairing": pairing.name},
@@ -267,8 +269,12 @@ def _match(
         "infos": list(spec.infos),
     }
     limits = {"seed": spec.seed, "most_turns": environment.most_turns}
-    playing = {position: look.policies[side.policy][side.run] for position, side in pairing.sides}
-    digest = digest_of([{**part, **limits}, look.digest, look.version, look.contract, playing])
+    playing = {
+        position: inspection.policies[side.policy][side.run] for position, side in pairing.sides
+    }
+    digest = digest_of(
+        [{**part, **limits}, inspection.digest, inspection.version, inspection.contract, playing]
+    )
     lineup = {"opening": opening, "choices": dict(pairing.choices), "options": options, **limits}
     return Match(name, pairing, positions, {**part, "lineup": lineup}, digest[:24])
 

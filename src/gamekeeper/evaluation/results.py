@@ -42,7 +42,7 @@ class Ground:
 
     Attributes:
         name: of the environment.
-        look: what it is.
+        inspection: of the environment and the policies.
         has_team: a sum over all agents means something.
         sheets: of every policy's every run by itself.
         total: what all agents' returns add up to in every episode; None: they don't add up to one
@@ -52,7 +52,7 @@ class Ground:
     """
 
     name: str
-    look: Inspection
+    inspection: Inspection
     has_team: bool
     sheets: Mapping[Checkpoint, Sheet]
     total: float | None = None
@@ -82,15 +82,17 @@ class Ground:
         Where returns cancel, the team has no return, but may have succeeded.
         """
         pooled = self.pooled
-        alone = [Whom(EACH, agent) for agent, role in self.look.roles.items() if role not in pooled]
+        alone = [
+            Whom(EACH, agent) for agent, role in self.inspection.roles.items() if role not in pooled
+        ]
         return [each for each in self.whom if each.scope != EACH] + alone[:MOST_AGENTS]
 
     @property
     def pooled(self) -> list[str]:
         """Roles whose agents may be put together in an episode."""
-        declared = self.look.declared
+        declared = self.inspection.declared
         names = dict.fromkeys(
-            [*self.look.role_names, *(r for s in self.sheets.values() for r in s.roles)]
+            [*self.inspection.role_names, *(r for s in self.sheets.values() for r in s.roles)]
         )
         return [role for role in names if role and may_pool(declared, role, self.members(role))]
 
@@ -102,7 +104,7 @@ class Ground:
             for agent, its in zip(sheet.agents, sheet.roles, strict=True)
             if its == role
         }
-        return list(dict.fromkeys([*self.look.members(role), *seen]))
+        return list(dict.fromkeys([*self.inspection.members(role), *seen]))
 
 
 def may_pool(contract: Contract, role: str, members: Sequence[str]) -> bool:
@@ -112,19 +114,19 @@ def may_pool(contract: Contract, role: str, members: Sequence[str]) -> bool:
 
 
 def ground_of(
-    spec: Spec, name: str, look: Inspection, lineups: Sequence[tuple[Pairing, Sheet]]
+    spec: Spec, name: str, inspection: Inspection, lineups: Sequence[tuple[Pairing, Sheet]]
 ) -> Ground:
     """An environment's share, of all its line-ups."""
     own = {each.side: sheet for each, sheet in lineups if each.side is not None}
     sheets = [sheet for _, sheet in lineups]
-    declared = any(term.kind == ZERO_SUM for term in look.declared.rewards.values())
+    declared = any(term.kind == ZERO_SUM for term in inspection.declared.rewards.values())
     total = 0.0 if declared else constant_sum(sheets)
     told = spec.environments[name].team
     against = opposed(sheets) if total is None and told is None else None
     is_team = (total is None and against is None) if told is None else told
     return Ground(
         name,
-        look,
+        inspection,
         is_team,
         own,
         total=None if is_team else total,
@@ -192,7 +194,7 @@ def results_of(spec: Spec, ground: Ground, judge: Judge) -> Iterator[dict[str, A
 
 
 def _refuse_pooling(ground: Ground, judge: Judge) -> None:
-    for role in ground.look.role_names:
+    for role in ground.inspection.role_names:
         if role not in ground.pooled:
             judge.refuse(
                 f"one figure for the role {role}",

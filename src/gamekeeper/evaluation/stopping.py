@@ -24,11 +24,11 @@ class Stopping:
 
     Attributes:
         seen: [episodes] figures, in the order of their numbers.
-        rounds: how often it was looked.
+        rounds: number of times that the intervals were worked out.
     """
 
     spec: Spec
-    looks: Mapping[str, Inspection]
+    inspections: Mapping[str, Inspection]
     seen: dict[tuple[str, Checkpoint], FloatArray] = field(default_factory=dict)
     rounds: int = 0
 
@@ -119,17 +119,17 @@ class Stopping:
         }
 
     def _scope(self, environment: str) -> str:
-        who, look = self._stop.who, self.looks[environment]
+        who, inspection = self._stop.who, self.inspections[environment]
         if who == TEAM:
             return TEAM
-        if who in look.role_names:
+        if who in inspection.role_names:
             return ROLE
-        if who in look.roles:
+        if who in inspection.roles:
             return EACH
         raise EvidenceError(
             "there is nobody of this name",
             where=f"stop.who, {environment}",
-            expected=", ".join([TEAM, *look.role_names, *look.roles]),
+            expected=", ".join([TEAM, *inspection.role_names, *inspection.roles]),
             actual=who,
             fix="name the team, a role or an agent of this environment",
         )

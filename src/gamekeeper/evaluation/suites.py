@@ -40,7 +40,7 @@ def suite_named(name: str) -> Spec | None:
     return next((spec for spec in specs if spec.suite and spec.suite[0] == name), None)
 
 
-def fingerprint_of(spec: Spec, looks: Mapping[str, Inspection]) -> str:
+def fingerprint_of(spec: Spec, inspections: Mapping[str, Inspection]) -> str:
     """Identity of a suite: its specification, its environments and its policies.
 
     Pins don't count: a suite is the same before and after it was pinned. Versions do.
@@ -50,23 +50,31 @@ def fingerprint_of(spec: Spec, looks: Mapping[str, Inspection]) -> str:
         row.pop("digest", None)
     for row in plain["policies"].values():
         row.pop("digests", None)
-    found = {name: [look.digest, look.policies] for name, look in looks.items()}
+    found = {
+        name: [inspection.digest, inspection.policies] for name, inspection in inspections.items()
+    }
     return digest_of([plain, found])
 
 
-def check_pins(spec: Spec, looks: Mapping[str, Inspection]) -> list[str]:
+def check_pins(spec: Spec, inspections: Mapping[str, Inspection]) -> list[str]:
     """Differences between the pinned digests and those installed here, one text each."""
     found = []
     for name, environment in spec.environments.items():
-        look = looks[name]
+        inspection = inspections[name]
         for what, pinned, now in (
-            ("digest", environment.digest, look.digest),
-            ("version", environment.version, look.version),
+            ("digest", environment.digest, inspection.digest),
+            ("version", environment.version, inspection.version),
         ):
             if pinned is not None and pinned != now:
                 found.append(f"environment {name}: {what} {pinned} is pinned, here it is {now}")
     for name, policy in spec.policies.items():
-        here = sorted({digest for look in looks.values() for digest in look.policies.get(name, ())})
+        here = sorted(
+            {
+                digest
+                for inspection in inspections.values()
+                for digest in inspection.policies.get(name, ())
+            }
+        )
         missing = [digest for digest in policy.digests if digest not in here]
         strange = [digest for digest in here if policy.digests and digest not in policy.digests]
         if missing or strange:
@@ -77,14 +85,14 @@ def check_pins(spec: Spec, looks: Mapping[str, Inspection]) -> list[str]:
     return found
 
 
-def refuse_copies(spec: Spec, looks: Mapping[str, Inspection]) -> None:
+def refuse_copies(spec: Spec, inspections: Mapping[str, Inspection]) -> None:
     """Refuses a method of which one training run stands there under two names.
 
     Raises:
         EvidenceError: two runs are the same to the last byte.
     """
-    for name, look in looks.items():
-        for policy, digests in look.policies.items():
+    for name, inspection in inspections.items():
+        for policy, digests in inspection.policies.items():
             if spec.policies[policy].is_method and len(set(digests)) < len(digests):
                 first = next(k for k, digest in enumerate(digests) if digest in digests[:k])
                 raise EvidenceError(
@@ -96,15 +104,15 @@ def refuse_copies(spec: Spec, looks: Mapping[str, Inspection]) -> None:
                 )
 
 
-def refuse_role_names(spec: Spec, looks: Mapping[str, Inspection]) -> None:
+def refuse_role_names(spec: Spec, inspections: Mapping[str, Inspection]) -> None:
     """Refuses policies that are called as a role or an agent: they were meant for its position.
 
     Raises:
         SpecError: the name of a policy is one of an environment's roles or agents.
     """
-    for name, look in looks.items():
+    for name, inspection in inspections.items():
         for policy in spec.policies:
-            if policy in look.role_names or policy in look.roles:
+            if policy in inspection.role_names or policy in inspection.roles:
                 raise SpecError(
                     "a policy has the name of a role or an agent",
                     where=f"policies.{policy}",
@@ -131,13 +139,13 @@ def refuse_unpinned(spec: Spec, texts: list[str]) -> None:
         )
 
 
-def pinned(data: Mapping[str, Any], looks: Mapping[str, Inspection]) -> dict[str, Any]:
+def pinned(data: Mapping[str, Any], inspections: Mapping[str, Inspection]) -> dict[str, Any]:
     """A specification's plain data with the digests of what is installed here."""
     environments = {
         name: {
             **({"spec": row} if isinstance(row, str) else row),
-            "digest": looks[name].digest,
-            **({} if looks[name].version is None else {"version": looks[name].version}),
+            "digest": inspections[name].digest,
+            **({} if inspections[name].version is None else {"version": inspections[name].version}),
         }
         for name, row in data["environments"].items()
     }
@@ -146,7 +154,9 @@ def pinned(data: Mapping[str, Any], looks: Mapping[str, Inspection]) -> dict[str
         known = ("policy", "runs", "version", "files", "digests", "environments", "curve", "step")
         is_table = isinstance(row, Mapping) and any(key in row for key in known)
         inner = row if is_table else {"runs" if isinstance(row, list) else "policy": row}
-        digests = dict.fromkeys(d for look in looks.values() for d in look.policies.get(name, ()))
+        digests = dict.fromkeys(
+            d for inspection in inspections.values() for d in inspection.policies.get(name, ())
+        )
         policies[name] = {**inner, "digests": list(digests)}
     return {**data, "environments": environments, "policies": policies}
 
