@@ -1,16 +1,16 @@
 """Reading the books of an AEC environment: where they are kept, whom they pay."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from itertools import compress, repeat
 from operator import ne
 from typing import Any, Final
 
 from pettingzoo.utils import wrappers
 
+from gamekeeper.interface.author_calls import AgentId
 from gamekeeper.interface.packing import MISSING, REALS, flag_of, nonconforming, reward_of
 from gamekeeper.interface.slim_aec import SlimAEC
 
-AgentId = Hashable
 # wrappers of PettingZoo, and the one in their place, keep no books of their own: those are read
 # where they are kept, since an attribute costs 0.65 us for each wrapper that it falls through
 TRANSPARENT: Final = (

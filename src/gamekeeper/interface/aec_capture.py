@@ -65,12 +65,9 @@ class AECCapture(Capture):
 
     def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> None:
         """Resets the environment; every reset starts an episode."""
-        arguments = {"seed": seed, "options": options}
-        given = {name: value for name, value in arguments.items() if value is not None}
+        self._reset_env(seed, options)
         if self.sink is None:
-            self.env.reset(**given)
             return
-        self._reset_env(seed, options, given)
         self._books = books_of(self.env)
         self._first_look()
         self._seen = _NEVER

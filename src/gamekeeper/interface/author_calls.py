@@ -4,7 +4,7 @@ The same four verbs serve environments of both APIs. They keep the public dictio
 note who was touched, so that nobody has to look at every agent to find out what a step did.
 """
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -231,6 +231,12 @@ def check_first_state(touched: Touched) -> None:
             actual=f"{deed}: {agents!r}"[:300],
             fix="leave it out of starting_agents(), or wait for the first turn",
         )
+
+
+def reset_arguments(seed: int | None, options: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Keyword arguments of a `reset`, without those that are None: some environments take none."""
+    arguments = {"seed": seed, "options": options}
+    return {name: value for name, value in arguments.items() if value is not None}
 
 
 def before_reset(call: str) -> OrderError:

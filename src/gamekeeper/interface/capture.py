@@ -10,7 +10,7 @@ still to be booked after a step stands in `_half` until it is: whoever comes nex
 """
 
 import warnings
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from threading import Lock
 from time import perf_counter_ns
 from typing import Any, Final
@@ -25,6 +25,7 @@ from gamekeeper.episodes.exception_text import traceback_text
 from gamekeeper.episodes.layout import AgentColumns
 from gamekeeper.episodes.spaces import Codec
 from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.author_calls import AgentId, reset_arguments
 from gamekeeper.interface.generators import is_still
 from gamekeeper.interface.openings import Openings, SameOpenings
 from gamekeeper.interface.packing import (
@@ -41,7 +42,6 @@ from gamekeeper.interface.packing import (
 
 __all__ = ["AgentId", "Capture", "Pack", "Sink", "type_name_of"]
 
-AgentId = Hashable
 NO_STATE: Final = (None, None)
 CHECK_TURNS: Final = 256  # how often the sink is asked whether it keeps up
 SEEDS: Final = range(-(1 << 63), 1 << 63)  # what stands in the column of seeds
@@ -155,16 +155,17 @@ class Capture:
         start = EpisodeStart(self.episode, seed, self._since, text, self.policies, opening=opening)
         self._buffer.starts.append(start)
 
-    def _reset_env(
-        self, seed: int | None, options: Mapping[str, Any] | None, given: Mapping[str, Any]
-    ) -> Any:
-        """Resets the environment as the start of an episode; one that can't start has failed."""
+    def _reset_env(self, seed: int | None, options: Mapping[str, Any] | None) -> Any:
+        """Resets the environment, which starts an episode; one that can't start has failed."""
+        arguments = reset_arguments(seed, options)
+        if self.sink is None:
+            return self.env.reset(**arguments)
         self.end_episode()
         self._begin(seed, options)
         try:
             if self._unfit is not None:
                 raise self._unfit
-            out = self.env.reset(**given)
+            out = self.env.reset(**arguments)
             self._reset_ns, self._observed_ns = perf_counter_ns(), 0
             return out
         except KeyboardInterrupt:

@@ -60,20 +60,13 @@ class ParallelCapture(Capture):
 
     def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
         """Resets the environment, which starts an episode; returns what the environment did."""
-        arguments = {"seed": seed, "options": options}
-        given = {name: value for name, value in arguments.items() if value is not None}
-        if self.sink is None:
-            return self._note(self.env.reset(**given))
-        out = self._reset_env(seed, options, given)
-        self._note(out)
-        self._first_look()
-        self._give(self._observations, None, None, None, self._infos)
-        return out
-
-    def _note(self, out: Any) -> Any:
+        out = self._reset_env(seed, options)
         is_pair = isinstance(out, tuple | list) and len(out) == 2
         self._observations, self._infos = out if is_pair else ({}, {})
         self._ended = False
+        if self.sink is not None:
+            self._first_look()
+            self._give(self._observations, None, None, None, self._infos)
         return out
 
     def step(self, actions: Mapping[AgentId, Any]) -> Any:

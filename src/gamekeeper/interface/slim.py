@@ -28,7 +28,7 @@ RANKS: Final = {
     wrappers.TerminateIllegalWrapper: 2,
 }
 """Wrappers in the order in which `SlimAEC` keeps their promises, from the outside inwards."""
-KEPT: Final = {
+PROMISED: Final = {
     "OrderEnforcingWrapper": "the order of calls",
     "AssertOutOfBoundsWrapper": "actions outside their space are refused",
     "ClipOutOfBoundsWrapper": "actions outside their space are clipped",
@@ -64,9 +64,9 @@ def described_slim(env: Any) -> tuple[str, ...]:
     """Lines that tell what `slim` replaced in an environment, or would replace, and what stays."""
     made = slim(env)
     replaced: tuple[str, ...] = getattr(made, "replaced", ())
-    lines = [f"replaced: {name} ({KEPT[name]})" for name in replaced] or ["replaced: nothing"]
+    lines = [f"replaced: {name} ({PROMISED[name]})" for name in replaced] or ["replaced: nothing"]
     inside = made
-    while type(inside) in FACES:
+    while type(inside) in SLIM_CLASSES:
         inside = inside.env
     while inside is not inside.unwrapped and hasattr(inside, "env"):
         lines.append(f"stays: {_home(type(inside))}.{type(inside).__qualname__}")
@@ -137,7 +137,7 @@ class SlimToAEC(ToAEC):
         super().step(action)
 
     def _judge(self, agent: AgentId, action: Any) -> tuple[bool, Any]:
-        """The wrappers' look at an action."""
+        """The action, after the wrappers' check of its bounds."""
         bounds = self.promises.bounds
         return True, action if bounds is None else bounded(self, agent, action, bounds)
 
@@ -183,11 +183,11 @@ class SlimParallel(ToParallel):
     def _check(self, actions: Mapping[Any, Any]) -> None:
         """The environment inside looks at each action as it comes."""
 
-    def _told(self, totals: Totals | None) -> Step:
+    def _outputs(self, totals: Totals | None) -> Step:
         """Looks up every agent's observation before the None turns."""
         self._shown = super()._observations(list(self._books.agents))
         try:
-            return super()._told(totals)
+            return super()._outputs(totals)
         finally:
             self._shown = {}
 
@@ -198,4 +198,4 @@ class SlimParallel(ToParallel):
         return {agent: shown[agent] for agent in agents}
 
 
-FACES: Final = (SlimAEC, SlimToAEC, SlimParallel)
+SLIM_CLASSES: Final = (SlimAEC, SlimToAEC, SlimParallel)

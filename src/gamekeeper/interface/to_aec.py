@@ -7,7 +7,13 @@ import numpy as np
 from pettingzoo import ParallelEnv
 
 from gamekeeper.errors import ContractError
-from gamekeeper.interface.author_calls import TERMINATED, TRUNCATED, AgentId, before_reset
+from gamekeeper.interface.author_calls import (
+    TERMINATED,
+    TRUNCATED,
+    AgentId,
+    before_reset,
+    reset_arguments,
+)
 from gamekeeper.interface.bookkeeping import Books
 from gamekeeper.interface.env_inside import EnvInside
 
@@ -93,10 +99,7 @@ class ToAEC(EnvInside, Books):
         Raises:
             ContractError: the environment begins without agents, or without an observation of one.
         """
-        given = {"seed": seed, "options": options}
-        observations, infos = self.env.reset(
-            **{name: value for name, value in given.items() if value is not None}
-        )
+        observations, infos = self.env.reset(**reset_arguments(seed, options))
         live = list(self.env.agents)
         self.possible_agents = getattr(self.env, "possible_agents", [*live])
         self._open(live)
@@ -206,18 +209,18 @@ class ToAEC(EnvInside, Books):
             if not hasattr(self.env, "possible_agents"):
                 self.possible_agents.append(agent)
         live = set(roster)
-        gone = [a for a in self.agents if a not in live and a not in terminations]
-        if gone:  # it left without an ending, as a contract may allow
-            self._arrange([agent for agent in self.agents if agent not in gone])
+        stays = [agent for agent in self.agents if agent in live or agent in terminations]
+        if len(stays) < len(self.agents):  # one left without an ending, as a contract may allow
+            self._arrange(stays)
 
     def __note_ends(self) -> None:
         """Notes who has ended in this tick, and why, where the environment's rules say so."""
         reasons = getattr(self.env.unwrapped, "endings", None)
-        told = reasons if isinstance(reasons, Mapping) else {}
+        named = reasons if isinstance(reasons, Mapping) else {}
         for agent in self.agents:
             if self.terminations[agent] or self.truncations[agent]:
                 usual = TERMINATED if self.terminations[agent] else TRUNCATED
-                self.endings[agent] = told.get(agent, usual)
+                self.endings[agent] = named.get(agent, usual)
                 self.touched.ended.append(agent)
 
     def __turn_over(self, roster: Iterable[Any]) -> None:

@@ -10,7 +10,7 @@ from pettingzoo import AECEnv, ParallelEnv
 
 from gamekeeper.errors import ContractError
 from gamekeeper.interface.aec_accounts import books_of, pays_others
-from gamekeeper.interface.author_calls import AgentId, before_reset
+from gamekeeper.interface.author_calls import AgentId, before_reset, reset_arguments
 from gamekeeper.interface.bookkeeping import Books
 from gamekeeper.interface.env_inside import EnvInside
 from gamekeeper.interface.legality import judge, learn_ranges, mismatch, refused
@@ -148,14 +148,14 @@ def _add_each(totals: Totals, rewards: Mapping[Any, Any], agents: Iterable[Any])
         totals[agent] = totals[agent] + reward if agent in totals else reward
 
 
-Told = tuple[Any, Any, Any, Any]  # observation, terminated, truncated, info
+LastOutput = tuple[Any, Any, Any, Any]  # observation, terminated, truncated, info
 Step = tuple[
     dict[Any, Any], dict[Any, Any], dict[Any, Any], dict[Any, Any], dict[Any, dict[str, Any]]
 ]
 
 
 class Tick:
-    """The end of a tick: None turns are played, and everybody is told what became of it."""
+    """The end of a tick: None turns are played, and its outputs are collected for every agent."""
 
     env: Any
     agents: list[Any]
@@ -171,31 +171,31 @@ class Tick:
         self._asks_infos = any(getattr(self._books, name, False) is True for name in asked)
         self._actions = TickActions(env, self._books)
         self._rewards = TickRewards(self._books)
-        self._gone: dict[Any, Told] = {}  # whose end is told in this tick
-        self._lingering: set[Any] = set()  # whose end was told and who hasn't had its None turn
+        self._last_outputs: dict[Any, LastOutput] = {}  # of agents whose end this tick reports
+        self._lingering: set[Any] = set()  # reported as ended, their None turns still to come
 
-    def _told(self, totals: Totals | None) -> Step:
+    def _outputs(self, totals: Totals | None) -> Step:
         """The five dictionaries of a tick whose turns have been played."""
         self._bury_the_dying()
-        books, gone = self._books, self._gone
+        books, last = self._books, self._last_outputs
         agents = self.agents = self._live()
         self._actions.learn(agents)
         observations, infos = self._observations(agents), self._infos(agents)
         terms, truncs = books.terminations, books.truncations
         terminations = {agent: terms[agent] for agent in agents}
         truncations = {agent: truncs[agent] for agent in agents}
-        for agent, (observation, terminated, truncated, info) in gone.items():
+        for agent, (observation, terminated, truncated, info) in last.items():
             observations[agent], infos[agent] = observation, info
             terminations[agent], truncations[agent] = terminated, truncated
         if totals is None:
             rewards = {
-                agent: 0.0 if agent in gone else books.rewards.get(agent, 0.0)
+                agent: 0.0 if agent in last else books.rewards.get(agent, 0.0)
                 for agent in observations
             }
         else:
             for agent in totals.keys() - observations.keys():
                 if np.any(totals[agent]):
-                    raise _untold(agent, totals[agent])
+                    raise _unreported(agent, totals[agent])
             rewards = {agent: totals.get(agent, 0.0) for agent in observations}
         return observations, rewards, terminations, truncations, infos
 
@@ -210,7 +210,7 @@ class Tick:
         dying = [agent for agent in agents if terms[agent] or truncs[agent]]
         for agent in dying:
             if agent not in self._lingering:
-                self._gone[agent] = self._last_words(agent)
+                self._last_outputs[agent] = self._last_output(agent)
         self._lingering = set(dying)
         return [agent for agent in agents if agent not in self._lingering]
 
@@ -224,10 +224,10 @@ class Tick:
             self._bury(agent)
 
     def _bury(self, agent: AgentId) -> None:
-        """An agent's None turn; what it is given in it is what it is told last."""
+        """Plays an agent's None turn; what it is given there is its last output."""
         books = self._books
-        if agent not in self._lingering and agent not in self._gone:
-            self._gone[agent] = self._last_words(agent)
+        if agent not in self._lingering and agent not in self._last_outputs:
+            self._last_outputs[agent] = self._last_output(agent)
         self.env.step(None)
         if agent in books.agents and books.agent_selection == agent:
             raise ContractError(
@@ -238,7 +238,7 @@ class Tick:
                 fix="call self._was_dead_step(action) where the agent in turn has ended",
             )
 
-    def _last_words(self, agent: AgentId) -> Told:
+    def _last_output(self, agent: AgentId) -> LastOutput:
         """Last observation, flags and info of an agent that ended."""
         books = self._books
         return (
@@ -260,7 +260,7 @@ class Tick:
         infos = books.infos
         try:
             return {agent: infos[agent].copy() for agent in agents}
-        except (AttributeError, KeyError):  # no dictionary, which is told as it is; or none at all
+        except (AttributeError, KeyError):  # another type, handed out as it is; or none at all
             return {agent: _copied(infos.get(agent, {})) for agent in agents}
 
 
@@ -268,7 +268,7 @@ def _copied(info: Any) -> Any:
     return dict(info) if info.__class__ is dict else info
 
 
-def _untold(agent: AgentId, reward: object) -> ContractError:
+def _unreported(agent: AgentId, reward: object) -> ContractError:
     return ContractError(
         f"agent {agent!r} was paid when it could no longer be told",
         where="rewards",
@@ -328,12 +328,11 @@ class ToParallel(EnvInside, Tick, ParallelEnv[Any, Any, Any]):
         self, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[dict[Any, Any], dict[Any, dict[str, Any]]]:
         """Begins an episode, with the same seed and options: observations, infos."""
-        given = {"seed": seed, "options": options}
-        self.env.reset(**{name: value for name, value in given.items() if value is not None})
+        self.env.reset(**reset_arguments(seed, options))
         self._list_agents()
-        self._gone, self._lingering = {}, set()
+        self._last_outputs, self._lingering = {}, set()
         self._bury_the_dying()
-        self._gone = {}
+        self._last_outputs = {}
         agents = self.agents = self._live()
         self._actions.learn(agents)
         return self._observations(agents), self._infos(agents)
@@ -360,8 +359,8 @@ class ToParallel(EnvInside, Tick, ParallelEnv[Any, Any, Any]):
         if not self.agents:
             return {}, {}, {}, {}, {}
         self._check(actions)
-        if self._gone:
-            self._gone = {}
+        if self._last_outputs:
+            self._last_outputs = {}
         self._rewards.start()
         if self._rewards.has_terms:
             self.terms = self._rewards.terms
@@ -374,13 +373,13 @@ class ToParallel(EnvInside, Tick, ParallelEnv[Any, Any, Any]):
         terms, truncs, rewards = books.terminations, books.truncations, books.rewards
         # Where nobody ended, joined or left, the books' own dictionaries are the tick's.
         if (
-            self._gone
+            self._last_outputs
             or books.agents != agents
             or any(terms.values())
             or any(truncs.values())
             or not len(agents) == len(terms) == len(truncs) == len(rewards)
         ):
-            return self._told(totals)
+            return self._outputs(totals)
         if totals is None:
             totals = dict(rewards)
         return self._observations(agents), totals, dict(terms), dict(truncs), self._infos(agents)
