@@ -421,6 +421,15 @@ def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def actions_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Hands a copy of each action to step."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        return {"step": lambda self, action: cls.step(self, copy.deepcopy(action))}
+
+    return with_methods(make, methods)
+
+
 def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Gives each instance a copy of its own of what its class and default arguments keep."""
     generators = np.random.Generator, np.random.RandomState, random.Random
@@ -527,6 +536,7 @@ RESETS: Final = Hold("global generators seeded before each reset, as in the audi
 AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
 """Held where a play shows a fault by what it drew: it draws the same again, as in the audit."""
 HOLDS: Final = {
+    "GK630": Hold("actions copied before they are handed to step", actions_held, is_general=True),
     "GK602": GLOBALS,
     "GK638": SPACES,
     "GK601": GENERATORS,
