@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from pathlib import Path
-from textwrap import dedent
+from textwrap import dedent, indent
 from typing import Any
 
 import numpy as np
@@ -257,23 +257,30 @@ def test_seeds_audit_leaves_global_generators_as_they_were() -> None:
     assert before == states()
 
 
-def test_seeds_state_of_the_class_is_told_as_shared(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "method",
+    [
+        """
+        def drive(self, agent, action, seen=[]):
+            seen.append(agent)
+            super().drive(agent, action)
+            self.battery[agent] -= len(seen) % 7 == 0
+        """,
+        """
+        def reset(self, seed=None, options=None, seen=[]):
+            seen.append(seed)
+            super().reset(seed, options)
+            self.battery["rover_0"] -= len(seen) % 2
+            return {a: self.observation(a) for a in self.agents}, {a: {} for a in self.agents}
+        """,
+    ],
+    ids=["counts_moves", "counts_every_other_reset"],
+)
+def test_seeds_state_of_the_class_is_told_as_shared(tmp_path: Path, method: str) -> None:
     """An instance that plays otherwise because another was there before shares something."""
+    lines = ["from tests.faults.rovers import Rovers", "class Counted(Rovers):"]
     tmp_path.joinpath("counted.py").write_text(
-        dedent(
-            """
-            from tests.faults.rovers import Rovers
-
-            class Counted(Rovers):
-                def drive(self, agent, action, seen=[]):
-                    seen.append(agent)
-                    super().drive(agent, action)
-                    self.battery[agent] -= len(seen) % 7 == 0
-
-            def make():
-                return Counted()
-            """
-        )
+        "\n".join([*lines, indent(dedent(method), "    "), "def make():", "    return Counted()"])
     )
     found = audited(f"{tmp_path / 'counted.py'}:make", ("GK601", "GK607", "GK608"), budget=200)
 

@@ -136,6 +136,20 @@ class FirstSeedOnly(Traders):
         super().reset(seed if self.rng is None else None, options)
 
 
+@faulty("GK608")
+class RosterOfASet(Rovers):
+    """`agents` comes in the order of a set; nothing else hangs on it.
+
+    Takes out who has ended by a set.
+    """
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """The same rovers, in another order."""
+        out = super().step(actions)
+        self.agents = list(set(self.agents))
+        return out
+
+
 # A copy draws from the same generator, so the original goes on otherwise beside it.
 @faulty("GK607", also=("GK702",))
 class GeneratorOfTheClass(Rovers):

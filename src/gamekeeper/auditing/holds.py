@@ -436,6 +436,15 @@ def kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
         env = next((inside[name] for name in ("env", "aec_env", "par_env") if name in inside), None)
 
 
+def actions_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Hands a copy of each action to step."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        return {"step": lambda self, action: cls.step(self, copy.deepcopy(action))}
+
+    return with_methods(make, methods)
+
+
 def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Puts an instance's own copy of what its classes keep in its place while it is called."""
     first: dict[Any, Any] = {}
@@ -545,6 +554,7 @@ RESETS: Final = Hold("global generators seeded before each reset, as in the audi
 AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
 """Held where an episode shows a fault by what it drew: it draws the same again, as in the audit."""
 HOLDS: Final = {
+    "GK630": Hold("actions copied before they are handed to step", actions_held, is_general=True),
     "GK602": GLOBALS,
     "GK638": SPACES,
     "GK601": GENERATORS,

@@ -21,7 +21,13 @@ from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.opening import open_env
-from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
+from gamekeeper.rollouts.episode_loop import (
+    EpisodePlan,
+    EpisodeResult,
+    EvidenceOptions,
+    StepHook,
+    perform,
+)
 from gamekeeper.rollouts.process_randomness import held
 from gamekeeper.rollouts.warm_worker import WarmWorker
 from gamekeeper.rollouts.workers import environment_of
@@ -36,6 +42,8 @@ MOST_NAMES: Final = 8
 ORDERS: Final = "import json, sys; print(json.dumps([[*{*p}] for p in json.loads(sys.argv[1])]))"
 """Prints the order in which a process lists each set of two names."""
 HEADER: Final = ("end", "error", "turns", "endings")
+ROSTERS: Final = "rosters"
+"""Entry of the header of a play elsewhere: `agents` after the reset and after each step."""
 
 
 def reason_against(session: ProbeSession) -> str | None:
@@ -122,6 +130,7 @@ def play_task(
 ) -> dict[str, Any]:
     """Plays in this process, which was started for it; rows of the last go into `folder`."""
     for _ in range(instances):
+        rosters: list[list[str]] = []
         with held():
             env = open_env(spec, **kwargs).env
             agents = {_name(agent): agent for agent in getattr(env, "possible_agents", ())}
@@ -131,6 +140,7 @@ def play_task(
                 env,
                 contract=Contract.from_json(contract),
                 keep=EvidenceOptions(number=play["number"]),
+                watch=roster_watch(rosters),
                 on_step=report,
             )
             with suppress(Exception, SystemExit):  # the episode is what is asked for
@@ -138,7 +148,18 @@ def play_task(
     _write(Path(folder, "steps"), played.episode.steps)
     if played.episode.states is not None:
         _write(Path(folder, "states"), played.episode.states)
-    return {name: played.episode.header.get(name) for name in HEADER}
+    return {ROSTERS: rosters, **{name: played.episode.header.get(name) for name in HEADER}}
+
+
+def roster_watch(rosters: list[list[str]]) -> StepHook:
+    """A watch that lists `agents` in their order; of what has no order an empty list."""
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        agents = getattr(env, "agents", None)
+        listed = agents if isinstance(agents, list | tuple) else ()
+        rosters.append([agent_name(agent) for agent in listed])
+
+    return watch
 
 
 def _script_of(play: EpisodePlan) -> dict[str, Any]:

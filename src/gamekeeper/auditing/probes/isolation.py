@@ -7,13 +7,20 @@ from functools import partial
 from typing import Any, Final
 
 from gamekeeper.auditing.meeting import meeting
-from gamekeeper.auditing.other_process import hash_seeds, played_elsewhere, reason_against
+from gamekeeper.auditing.other_process import (
+    ROSTERS,
+    hash_seeds,
+    played_elsewhere,
+    reason_against,
+    roster_watch,
+)
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.checks.facts.seed_facts import (
     HashSeed,
     MovedGenerator,
     OtherInstance,
+    RosterElsewhere,
     SettledElsewhere,
     UnmovedGenerator,
 )
@@ -172,10 +179,12 @@ def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     The episode here and its counterfactual there, up to the first that differs.
 
     Facts:
-        `HashSeed`, `SettledElsewhere`.
+        `HashSeed`, `RosterElsewhere`, `SettledElsewhere`.
     """
     is_steered = session.api == "parallel" and play.stream > 0
-    base = session.fresh(play, steer=partial(meeting, session.contract) if is_steered else None)
+    steer = partial(meeting, session.contract) if is_steered else None
+    rosters: list[list[str]] = []
+    base = session.fresh(play, steer=steer, watch=roster_watch(rosters))
     seeds = hash_seeds(tuple(sorted(session.agents)))
     for seed in seeds if play.stream < WHOLE else (seeds[play.stream % len(seeds)],):
         there = played_elsewhere(session, base, seed)
@@ -183,6 +192,7 @@ def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             return
         if session.divergence(base.episode, there) is None:
             yield _elsewhere(session, base.episode, base.episode, there, seed)
+            yield from _roster_elsewhere(session, rosters, there.header.get(ROSTERS), seed)
             continue
         unchanged_rerun = session.fresh(base.play).episode
         yield session.fact(HashSeed(seed))
@@ -203,6 +213,16 @@ def _elsewhere(
 ) -> ProbeCounterfactual:
     change = {"change": "another process", "hash_seed": hash_seed}
     return session.beside(base, unchanged_rerun, there, change)
+
+
+def _roster_elsewhere(
+    session: ProbeSession, here: list[list[str]], there: Any, hash_seed: int
+) -> Iterator[Saw]:
+    """Yields the first rosters that aren't in one order, else the last ones."""
+    pairs = [*enumerate(zip(here, there or (), strict=False))]
+    for turn, (one, two) in [each for each in pairs if each[1][0] != each[1][1]][:1] or pairs[-1:]:
+        value = RosterElsewhere(tuple(one), tuple(two), hash_seed)
+        yield session.fact(value, turn=turn, field="agents")
 
 
 def _second_elsewhere(

@@ -107,6 +107,18 @@ class HashSeed:
 
 
 @dataclass(frozen=True, slots=True)
+class RosterElsewhere:
+    """Order of `agents` here and in a process of another hash seed, where all else is the same.
+
+    The first that differ; of plays whose rosters never do, the last.
+    """
+
+    here: tuple[str, ...]
+    there: tuple[str, ...]
+    hash_seed: int
+
+
+@dataclass(frozen=True, slots=True)
 class SettledElsewhere:
     """New processes with one hash seed, beside an unchanged rerun that differs.
 

@@ -10,6 +10,7 @@ from gamekeeper.checks.facts.seed_facts import (
     HashSeed,
     MovedGenerator,
     OtherInstance,
+    RosterElsewhere,
     SettledElsewhere,
     UnmovedGenerator,
 )
@@ -221,7 +222,8 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Case
                         "first = play(make())",
                         f"for count in range({OTHER_SEEDS}):  # others were there",
                         "    other = make()",
-                        "    other.reset(seed=SEED)",
+                        "    for _ in range(1 + count % 3):",
+                        "        other.reset(seed=SEED)",
                         "    for actions in ACTIONS[: count % 4]:",
                         "        other.step(actions)",
                         "    alike(first, play(make()))",
@@ -282,12 +284,36 @@ def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -
         for counterfactual in look.counterfactuals:
             proof = _process_proof(evidence.api, seed, told_of(contract, counterfactual))
             yield from parted(counterfactual, proof, expected="the same episode as in this process")
+    for order in evidence.facts(RosterElsewhere):
+        here, there = order.value.here, order.value.there
+        yield Case(
+            order.where,
+            here == there,
+            "`agents` in the same order as in this process",
+            f"{', '.join(there)} there, {', '.join(here)} here",
+            _process_proof(evidence.api, order.value.hash_seed, frozenset(), shows=ROSTERS),
+        )
 
 
-def _process_proof(api: str, seed: int | None, tells: frozenset[str]) -> Reproducer:
+ROSTERS: Final = """\
+def rosters(env):
+    env.reset(seed=SEED)
+    seen = [list(env.agents)]
+    for action in ACTIONS:
+        env.step(action)
+        seen.append(list(env.agents))
+    return seen
+play = rosters"""
+"""Lines that look at nothing of a play but the order of `agents`."""
+
+
+def _process_proof(
+    api: str, seed: int | None, tells: frozenset[str], *, shows: str = ""
+) -> Reproducer:
     """Starts itself again under hash seeds, each of which prints its play, until one differs."""
     return program(
         api,
+        *shows.splitlines(),
         'if "HASHED" in os.environ:',
         "    print(play(make()))",
         "    sys.exit()",
