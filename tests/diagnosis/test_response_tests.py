@@ -83,6 +83,30 @@ def test_a_lag_is_measured_exactly(lag: int) -> None:
     assert (found.lag, found.memory) == (lag, lag)
 
 
+def test_a_policy_that_waits_reacts_late_to_a_change_that_stays() -> None:
+    """It has to see something five times; a change of one decision says nothing of that."""
+
+    def make(rng: np.random.Generator) -> Callable[[Any], Any]:
+        seen: list[bool] = []
+
+        def act(observation: Any) -> int:
+            seen.append(bool(observation[2] > 1.0))  # which no recorded value is
+            return int(len(seen) >= 5 and all(seen[-5:]))
+
+        return act
+
+    def fresh(stream: int) -> Callable[[Any, Any], Any]:
+        act = make(np.random.default_rng(stream))
+        return lambda observation, info: act(observation)
+
+    third = acted_fields(Box(-9.0, 9.0, (3,), np.float32))[2:]
+    found = response_test(fresh, FEEDS, fields=third, rng=np.random.default_rng(0))
+    assert (found.reactions, found.lag) == (0, None)
+    assert set(found.lasting) == {4}
+    assert str(found) == "reacts only to changes that stay, 4 decisions late or more"
+    assert measured(lambda rng: at_once).lasting[0] > 0
+
+
 def test_draws_of_a_policy_are_told_from_its_reactions() -> None:
     """A fifth of its actions are drawn; what it reads is found all the same."""
 

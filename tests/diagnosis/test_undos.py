@@ -351,6 +351,7 @@ def test_a_policy_that_reacts_to_nothing_is_shown_other_fields_and_other_scales(
     assert ("exchange fields", (0, 2)) in ways
     assert is_unmoved(["a"], {"a": unmoved})
     assert not is_unmoved(["a"], {"a": replace(unmoved, reactions=1)})
+    assert not is_unmoved(["a"], {"a": replace(unmoved, lasting={4: 2})})
     assert not is_unmoved(["a"], {})
 
 

@@ -26,7 +26,7 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     assert any("gamekeeper pivots runs/x --episode 0" in line for line in lines)
     given = {"--policy": ["a=x", "b=y z"], "--seed": 3, "--env": None, "--allow-import": True}
     typed = diagnosis_screen({**document, "run": "runs/x"}, width=80, options=given)
-    words = "--policy a=x --policy 'b=y z'"
+    words = "--failed 'undelivered > 0' --policy a=x --policy 'b=y z'"
     assert f"pivots runs/x --episode 0 {words} --allow-import   #" in typed
     assert f"diagnose runs/x {words} --seed 3 --allow-import --all" in typed
     assert "Others     receiver_0: no cause found in what was tried" in lines
@@ -76,3 +76,16 @@ def test_screen_shows_a_change_of_each_label_that_it_names_and_counts_the_rest()
     start = lines.index("Undone by  change 0")
     shown = [line.strip() for line in lines[start + 1 : start + 4]]
     assert shown == ["change 4", "change 1", "and 2 more"]
+    silent = {
+        **one,
+        "answer": "unexplained",
+        "labels": [],
+        "substitutes": [],
+        "why": "nothing does",
+    }
+    document |= {"run": "runs/x", "agents": {"a": silent}}
+    typed = "gamekeeper diagnose runs/x --try AGENT=POLICY   #"
+    assert typed in diagnosis_screen(document, width=80)
+    again = diagnosis_screen(document, width=80, options={"--try": ["a=x"]})
+    assert typed not in again
+    assert "runs/x --try a=x --all" in again

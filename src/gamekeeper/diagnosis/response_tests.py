@@ -7,7 +7,7 @@ with one field changed at one decision, and the first and the last action that d
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any, Final, TypeAlias
 
@@ -42,6 +42,8 @@ CHANGES: Final = 60
 EACH: Final = 4
 """Changes of each field."""
 MOST_CHANGES: Final = 240
+LASTING: Final = 24
+"""Further feeds in which a change stays."""
 COMMON: Final = 0.1
 """A part of the reactions that a lag has to make up, to be called one."""
 
@@ -64,6 +66,8 @@ class ResponseTest(PlainData):
         deaf: fields whose changes were never followed by another action.
         sensitivity: by field, the part of its changes that were.
         saturation: part of the Box numbers of its actions that stand at a bound; None: no Box.
+        lasting: the same as `lags`, of changes that stay: a policy may wait until it has seen one
+            for a while.
         left_over: shows that its reset leaves memory, so that feeds aren't independent; empty: no
             sign of it. Nothing that feeds were compared for is told then.
     """
@@ -78,6 +82,7 @@ class ResponseTest(PlainData):
     sensitivity: Mapping[str, float]
     saturation: float | None
     failures: int = 0
+    lasting: Mapping[int, int] = field(default_factory=dict)
     left_over: str = ""
 
     @property
@@ -108,6 +113,10 @@ class ResponseTest(PlainData):
             )
         if self.failures and not self.changes:
             return "chooses no legal action after any change of its observations"
+        if not self.reactions and self.lasting:
+            least = min(self.lasting)
+            late = f", {least} decision{'s' * (least > 1)} late or more" if least else ""
+            return f"reacts only to changes that stay{late}"
         if not self.reactions:
             seen = f"reacted to none of {self.changes} changes of its observations"
             return (
@@ -168,7 +177,7 @@ def response_test(
     tried: Counter[str] = Counter()
     reacted: Counter[str] = Counter()
     memory, failures, is_repeatable = 0, 0, _keys(bases) == _keys(again)
-    for field, number, at, changed in _changes(feeds, fields, rng) if is_repeatable else ():
+    for one, number, at, changed in _changes(feeds, fields, rng) if is_repeatable else ():
         base = bases[number]
         try:
             differing = _differing(base, _fed(fresh, changed, 0))
@@ -181,11 +190,11 @@ def response_test(
                 f"that differs from decision {at} on"
             )
             return ResponseTest(0, 0, False, 0.0, {}, 0, (), {}, None, left_over=left_over)
-        tried[str(field)] += 1
+        tried[str(one)] += 1
         if differing:
             lags[differing[0] - at] += 1
             memory = max(memory, differing[-1] - at)
-            reacted[str(field)] += 1
+            reacted[str(one)] += 1
     pairs = list(zip(bases, others if is_repeatable else again, strict=True))
     decisions = max(sum(len(base) for base in bases), 1)
     return ResponseTest(
@@ -199,7 +208,29 @@ def response_test(
         sensitivity={name: reacted[name] / count for name, count in tried.items()},
         saturation=_saturation([action for base in bases for action in base], space),
         failures=failures,
+        lasting=_lasting(fresh, feeds, bases, fields, rng) if is_repeatable else {},
     )
+
+
+def _lasting(
+    fresh: FreshPlayer,
+    feeds: Sequence[Feed],
+    bases: Sequence[Sequence[Any]],
+    fields: Sequence[NumberField],
+    rng: Generator,
+) -> dict[int, int]:
+    """Lags of the first reactions to changes that stay."""
+    lags: Counter[int] = Counter()
+    for one, number, at, changed in _changes(feeds, fields, rng)[:LASTING]:
+        value = one.read(changed[at][0])
+        rest = [(seen if value is None else one.write(seen, value), i) for seen, i in changed[at:]]
+        try:
+            differing = _differing(bases[number], _fed(fresh, [*changed[:at], *rest], 0))
+        except (ActionError, PolicyError):
+            continue
+        if differing and differing[0] >= at:
+            lags[differing[0] - at] += 1
+    return dict(sorted(lags.items()))
 
 
 def _fed(fresh: FreshPlayer, feed: Feed, stream: int) -> list[Any]:

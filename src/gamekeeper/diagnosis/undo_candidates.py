@@ -320,10 +320,14 @@ def _span(field: NumberField) -> float:
 
 
 def is_unmoved(agents: Sequence[str], responses: Mapping[str, ResponseTest]) -> bool:
-    """Tells whether policies that were tested reacted to no change of what they observe."""
+    """Tells whether policies that were tested reacted to no change of what they observe.
+
+    Reactions to changes that stay count, too.
+    """
     known = [responses[agent] for agent in agents if agent in responses]
     tests = [each for each in known if each.is_repeatable]
-    return bool(tests) and all(each.changes and not each.reactions for each in tests)
+    reacted = any(each.reactions or each.lasting for each in tests)
+    return bool(tests) and not reacted and all(each.changes for each in tests)
 
 
 def _groups(open_setup: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
@@ -350,7 +354,8 @@ def _of_group(
         action_space(open_setup.env, group[0]),
     )
     slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
-    lags = [*slowest, *(each.lag or 0 for each in tests)]
+    patient = [max((x for x in each.lasting if x <= MOST_LAG), default=0) for each in tests]
+    lags = [*slowest, *patient, *(each.lag or 0 for each in tests)]
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
     is_still = is_unmoved(group, responses)
     fields: Sequence[NumberField] = ()

@@ -225,6 +225,9 @@ def _next(document: Mapping[str, Any], options: Mapping[str, Any]) -> Sequence[s
         )
     elif good is None and _is_failing(document) and not document.get("raised"):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}   # beside one that works")
+        if not options.get("--try"):
+            end = "--try AGENT=POLICY   # another policy in an agent's place"
+            found.append(f"gamekeeper diagnose {run}{words} {end}")
     if document["not_played"]:
         more = f" --episodes {2 * document['most_episodes']}"
         if document.get("budget") is not None:
