@@ -23,7 +23,10 @@ LIMIT_S: Final = 300.0
 AT_ONCE: Final = 2
 """Programs that run beside each other."""
 NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundError")
-"""Exceptions of a program that can't run at all; they show nothing of the environment."""
+"""Exceptions of a program that can't run at all; they show nothing of the environment.
+
+A NameError does where a line of the environment's raised it.
+"""
 EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception)):")
 """The class of an exception in the words of a finding."""
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
@@ -165,7 +168,8 @@ def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
     raised, text, at = (outcome.value[name] for name in ("raised", "text", "at"))
     if raised is None:
         return "passed", "", ""
-    end: ProgramEnd = "not run" if raised in NOT_SHOWN else "failed"
+    is_shown = raised not in NOT_SHOWN or (raised == "NameError" and at)
+    end: ProgramEnd = "failed" if is_shown else "not run"
     return end, at and f"{at} {raised}: {text}", " ".join(outcome.value["told"].split())
 
 
