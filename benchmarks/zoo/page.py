@@ -251,8 +251,8 @@ def changed(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     before = newest(rows)
     yield "## After the changes\n"
     yield "Audits that reached the checks in question; *before*: the newest one of those above."
-    yield "Those from magent2 on ran at a load of 20 to 27: GK808 of magent2, and GK102, GK403 and"
-    yield "GK802 of micro_battle, they had no time for.\n"
+    yield "Those from magent2 to micro_battle ran at a load of 20 to 27: GK808 of magent2, and"
+    yield "GK102, GK403 and GK802 of micro_battle, they had no time for.\n"
     yield "| environment | before | after |"
     yield "|---|---|---|"
     for row in rows:

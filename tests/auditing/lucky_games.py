@@ -52,6 +52,14 @@ class Sound(ParallelEnv[str, Any, Any]):
         return tuple(dict.fromkeys(agents, part) for part in parts)
 
 
+class Nameless(Sound):
+    """Its steps ask for a module that nobody has imported."""
+
+    def step(self, actions: Any) -> Any:
+        """What Python says of such a name."""
+        raise NameError("name 'math' is not defined")
+
+
 class Unseeded(Sound):
     """Draws from numpy's global generator, whatever the seed."""
 

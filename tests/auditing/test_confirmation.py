@@ -50,6 +50,13 @@ def test_finding_is_confirmed_in_five_fresh_processes() -> None:
     assert verdict.reproduced == Reproduced(TRIES, TRIES, None)
 
 
+def test_name_that_a_line_of_the_environment_lacks_is_shown() -> None:
+    """A NameError in each step fails, where one of the program's own would show nothing."""
+    verdict = audited("Nameless", "GK221").of("GK221")
+    assert (verdict.outcome, verdict.reproduced) == ("failed", Reproduced(TRIES, TRIES, None))
+    assert "lucky_games.py" in verdict.findings[0].actual
+
+
 def test_processes_that_agree_by_chance_withdraw_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two other processes give one episode by luck, the third another: no seed determines it."""
     lucky: dict[int, list[Episode]] = {}

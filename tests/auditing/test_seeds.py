@@ -95,6 +95,21 @@ class LuckyRovers(Rovers):
         self.battery[agent] -= random.randrange(2)
 
 
+class LuckyAtTimes(Rovers):
+    """Seeds the module random, and draws from it in the episodes of odd seeds."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Seeds it for everybody."""
+        random.seed(seed)
+        self.is_lucky = bool(seed and seed % 2)
+        return super().reset(seed, options)
+
+    def drive(self, agent: str, action: int) -> None:
+        """Luck, or none."""
+        super().drive(agent, action)
+        self.battery[agent] -= random.randrange(2) if self.is_lucky else 0
+
+
 class SeedsInConstructor(Rovers):
     """Seeds numpy for everybody, once."""
 
@@ -186,6 +201,7 @@ class Stopwatch(Rovers):
         (FirstSeedOnly, ["GK606"]),
         (SameSeedStays, ["GK604"]),
         (LuckyRovers, ["GK602"]),
+        (LuckyAtTimes, ["GK602"]),
         (SeedsInConstructor, ["GK603"]),
         (SmallSeeds, ["GK605"]),
         (EmptyOptions, ["GK601"]),

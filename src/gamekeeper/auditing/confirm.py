@@ -24,7 +24,10 @@ LIMIT_S: Final = 300.0
 AT_ONCE: Final = 2
 """Programs that run beside each other."""
 NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundError")
-"""Exceptions of a program that can't run at all; they show nothing of the environment."""
+"""Exceptions of a program that can't run at all; they show nothing of the environment.
+
+A NameError does where a line of the environment's raised it.
+"""
 SPACES: Final = str(Path("gymnasium", "spaces"))
 """Part of the path of Gymnasium's spaces, which refuse by an exception."""
 EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception)):")
@@ -176,8 +179,9 @@ def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
     raised, text, at = (outcome.value[name] for name in ("raised", "text", "at"))
     if raised is None:
         return "passed", "", ""
+    is_shown = raised not in NOT_SHOWN or (raised == "NameError" and at)
     end: ProgramEnd = "raised" if at and SPACES not in at else "failed"
-    end = "not run" if raised in NOT_SHOWN else end
+    end = end if is_shown else "not run"
     return end, at and f"{at} {raised}: {text}", " ".join(outcome.value["told"].split())
 
 

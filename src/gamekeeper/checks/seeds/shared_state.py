@@ -104,26 +104,26 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
     Fix: leave np.random.seed, random.seed and torch.manual_seed to whoever runs the environment;
     build a generator of the environment's own
     """
-    is_judged = settled_by_seed(contract, evidence) is None
-    for look in evidence.looks.get("generators", ()):
-        parts = any(
-            counterfactual.divergence is not None and counterfactual.noise is None
-            for counterfactual in look.counterfactuals
-        )
-        if parts and is_judged:
-            continue
-        for fact in look.facts:
-            if isinstance(fact.value, UnmovedGenerator):
-                yield Case(fact.where, True, "as it was", "as it was")
-            elif isinstance(fact.value, MovedGenerator):
-                name, call = fact.value.generator, fact.value.call
-                yield Case(
-                    fact.where,
-                    False,
-                    "as it was",
-                    f"{name} was seeded or drawn from in {call}",
-                    _global_generator_proof(evidence.api, name),
-                )
+    looks = evidence.looks.get("generators", ())
+    parts = any(
+        counterfactual.divergence is not None and counterfactual.noise is None
+        for look in looks
+        for counterfactual in look.counterfactuals
+    )
+    if parts and settled_by_seed(contract, evidence) is None:
+        return  # an episode without a draw shows the seeding alone, and is of the same game
+    for fact in (fact for look in looks for fact in look.facts):
+        if isinstance(fact.value, UnmovedGenerator):
+            yield Case(fact.where, True, "as it was", "as it was")
+        elif isinstance(fact.value, MovedGenerator):
+            name, call = fact.value.generator, fact.value.call
+            yield Case(
+                fact.where,
+                False,
+                "as it was",
+                f"{name} was seeded or drawn from in {call}",
+                _global_generator_proof(evidence.api, name),
+            )
 
 
 def _global_generator_proof(api: str, name: str) -> Reproducer:
