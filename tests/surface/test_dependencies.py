@@ -3,6 +3,7 @@
 import ast
 import sys
 import tomllib
+from functools import cache
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -29,6 +30,7 @@ GUESTS = {"pytest", "IPython", "traitlets"}
 """Modules that are imported only where they are there already."""
 
 
+@cache
 def imported() -> dict[str, set[str]]:
     """Top-level modules of others that are imported anywhere in the package, with who does so."""
     found: dict[str, set[str]] = {}

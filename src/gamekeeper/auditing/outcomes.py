@@ -88,7 +88,7 @@ def first_difference(one: Any, two: Any, volatile: Collection[str] = ()) -> Diff
 def numbers(out: Any, volatile: Collection[str] = ()) -> dict[str, FloatArray]:
     """The outcome as vectors of numbers by place, for statistics."""
     return {
-        f"{part} {agent}": np.array([*numbers_in(value)], np.float64)
+        f"{part} {agent}": numbers_in(value)
         for (part, agent), value in entries(out, volatile).items()
     }
 
@@ -135,12 +135,13 @@ def value_bytes(value: Any) -> Iterator[bytes]:
 
 def _magnitude(value: Any) -> float:
     """The largest finite number in a value, without its sign."""
-    return max((abs(each) for each in numbers_in(value) if np.isfinite(each)), default=0.0)
+    found = np.abs(numbers_in(value))
+    return float(found[np.isfinite(found)].max(initial=0.0))
 
 
 def _is_close(one: Any, two: Any, scale: float) -> bool:
     """Tells whether numbers differ in their last digits only, for sums up to `scale`."""
-    a, b = np.array([*numbers_in(one)]), np.array([*numbers_in(two)])
+    a, b = numbers_in(one), numbers_in(two)
     if a.shape != b.shape or np.array_equal(a, b, equal_nan=True):
         return False  # what differs is no number
     atol = max(ROUNDING * 1e-1, LAST_DIGITS * scale)  # a sum may nearly cancel out

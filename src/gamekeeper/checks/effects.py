@@ -86,7 +86,7 @@ def by_turn(episode: Episode, start: int, end: int | None = None) -> dict[int, T
 
 def changed_numbers(one: Any, two: Any) -> frozenset[int]:
     """The places of the numbers that differ in two values of one form; of images in bins."""
-    left, right = _vector(one), _vector(two)
+    left, right = numbers_in(one), numbers_in(two)
     if left.shape != right.shape:
         return frozenset()
     same = (left == right) | (np.isnan(left) & np.isnan(right))
@@ -114,25 +114,19 @@ def _differ(one: Any, two: Any) -> bool:
     return bool(one != two) and not (one != one and two != two)
 
 
-def _vector(value: Any) -> FloatArray:
-    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
-        return value.astype(np.float64).ravel()
-    return np.array([*numbers_in(value)], np.float64)
-
-
-def numbers_in(value: Any) -> Iterator[float]:
-    """Yields the numbers in a value, those of a dictionary in the order of its keys."""
+def numbers_in(value: Any) -> FloatArray:
+    """The numbers in a value, as a vector; those of a dictionary in the order of its keys."""
     if isinstance(value, Mapping):
-        for key in sorted(value, key=str):
-            yield from numbers_in(value[key])
+        parts = [numbers_in(value[key]) for key in sorted(value, key=str)]
     elif isinstance(value, tuple | list):
-        for each in value:
-            yield from numbers_in(each)
+        parts = [numbers_in(each) for each in value]
     elif isinstance(value, np.ndarray):
-        if value.dtype.kind in "biuf":
-            yield from value.astype(np.float64).ravel().tolist()
+        return value.astype(np.float64).ravel() if value.dtype.kind in "biuf" else np.empty(0)
     elif isinstance(value, bool | int | float | np.number | np.bool_):
-        yield float(value)
+        return np.array([value], np.float64)
+    else:
+        return np.empty(0)
+    return np.concatenate(parts) if parts else np.empty(0)
 
 
 SHOWN_AGENTS: Final = 6

@@ -156,7 +156,7 @@ def _vectors(episode: Episode) -> Iterator[tuple[int, str, FloatArray]]:
     """Each observation of an episode as numbers, those of at most `MOST_PLACES`."""
     for turn in episode.turns:
         for agent, seen in turn.observations.items():
-            vector = np.array([*numbers_in(seen)], np.float64)
+            vector = numbers_in(seen)
             if 0 < len(vector) <= MOST_PLACES:
                 yield turn.index, agent, vector
 
@@ -243,14 +243,14 @@ def _moved(trial: ProbeCounterfactual) -> tuple[bool, bool, bool]:
         one is not None
         and two is not None
         and any(
-            [*numbers_in(one.observations[a])] != [*numbers_in(two.observations[a])]
+            not np.array_equal(numbers_in(one.observations[a]), numbers_in(two.observations[a]))
             for a in one.observations.keys() & two.observations.keys()
         )
-        for one, two in rows
+        for one, two in rows[1:]
     ]
     one, two = rows[0]
     is_paid = one is not None and two is not None and dict(one.rewards) != dict(two.rewards)
-    return is_paid, seen[1], seen[2]
+    return is_paid, seen[0], seen[1]
 
 
 def _begins_twice(episodes: Sequence[Episode]) -> bool:
@@ -261,7 +261,8 @@ def _begins_twice(episodes: Sequence[Episode]) -> bool:
         if len(looks) < 2:
             continue
         seeds.add(episode.seed)
-        one, two = ({a: [*numbers_in(o)] for a, o in t.observations.items()} for t in looks)
-        if one != two or not any(one.values()):
+        one, two = ({a: numbers_in(o) for a, o in t.observations.items()} for t in looks)
+        is_same = one.keys() == two.keys() and all(np.array_equal(one[a], two[a]) for a in one)
+        if not is_same or not any(map(len, one.values())):
             return False
     return len(seeds) >= LEAST_EPISODES
