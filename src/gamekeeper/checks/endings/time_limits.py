@@ -212,7 +212,7 @@ def _stands_out(api: str, episodes: Sequence[Episode], limits: Collection[int]) 
 
 
 def _limits(evidence: ProbeEvidence) -> dict[str, int]:
-    """Names of limits that hold one number in all plays."""
+    """Names of limits that hold one number in all episodes."""
     found = [fact.value.limits for fact in evidence.facts(TimeLimits)]
     return {
         name: value

@@ -193,7 +193,7 @@ def _least(run: ShownRun, attribution: Document | None) -> Answer | None:
     agent, text = found
     place = run.figures.agents.index(agent) if agent in run.figures.agents else None
     link = {} if place is None else _worst_episode(run, place)
-    return Answer("Contributes least", text, agent, "plain", **link)
+    return Answer("Adds least", text, agent, "plain", **link)
 
 
 def _least_added(attribution: Document | None) -> tuple[str, str] | None:
@@ -332,12 +332,6 @@ def _held_still(audit: Document | None) -> str:
     return f"{'; '.join(texts)}." if texts else ""
 
 
-NOT_AGAINST: Final = (
-    "The likely cause was tested by an intervention; this is about continuations without one."
-)
-"""Said of an episode without a turn that lost it, where a cause was named."""
-
-
 def _lost(run: ShownRun, documents: Documents) -> Answer | None:
     """The first turn that lost an episode, else why none is named; None where none was sought."""
     episodes = (documents.pivots or {}).get("episodes") or ()
@@ -347,8 +341,6 @@ def _lost(run: ShownRun, documents: Documents) -> Answer | None:
     number = each["episode"]
     if not each["pivots"]:
         text = f"No turn of episode {number} is named: {no_pivot_text(each)}."
-        if _named(documents.diagnosis):
-            text = f"{text} {NOT_AGAINST}"
         return Answer("Lost at", text, link="#pivots", link_text="curve of success")
     pivot, mark = each["pivots"][0], pivot_marks(each)[0]
     text = "; ".join([f"Episode {number}: {mark.text}", *list(kept_by(pivot))[:1]])
