@@ -207,13 +207,13 @@ def _least_added(attribution: Document | None) -> tuple[str, str] | None:
     values = [float(part["value"]) for part in known.values()]
     agent = list(known)[int(np.argmin(values))]
     part, others = known[agent], int(np.isclose(values, min(values)).sum()) - 1
-    between = (
-        ""
-        if part.get("low") is None
-        else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
-    )
-    text = f"Team return lost with {part.get('baseline') or 'a baseline'} in its place: "
-    return agent, f"{text}{shown(part['value'])}{between}{_tied(others)}, the least of all agents."
+    sign, word = (-1, "higher") if part["value"] < 0 else (1, "lower")
+    between = ""
+    if part.get("low") is not None:
+        low, high = sorted((sign * part["low"], sign * part["high"]))
+        between = f" (95 % interval {shown(low)} to {shown(high)})"
+    text = f"With {part.get('baseline') or 'a baseline'} in its place the team's return is "
+    return agent, f"{text}{shown(sign * part['value'])} {word}{between}{_tied(others)}."
 
 
 def _worst_episode(run: ShownRun, place: int) -> Link:
