@@ -280,7 +280,7 @@ def test_a_rare_reward_one_tick_late_is_broken() -> None:
 def test_late_payments_are_judged_by_what_observations_tell(
     shown: set[int], after: set[int], is_on_time: bool, cases: list[bool]
 ) -> None:
-    """A delay that is the game's rule isn't called broken."""
+    """A delay that is a rule of the environment isn't called broken."""
     late = PaymentTime(
         "a", 2.0, ((1, "a", 0),), False, (0, "a", 1), *map(frozenset, (shown, after))
     )

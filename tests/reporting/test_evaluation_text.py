@@ -124,7 +124,7 @@ def test_evaluation_text_shows_a_figure_without_interval_alone() -> None:
     assert "Refused claims\n  interval of the mean: too few episodes" in text
     refused.append({"what": "interval of the median", "why": "too few episodes"})
     text = evaluation_text(document(results=[row(mean=mean)], refused=refused), width=80)
-    assert "claims\n  interval of the mean; and 1 more: too few episodes" in text
+    assert "claims\n  interval of the mean; likewise 1 more: too few episodes" in text
 
 
 def test_evaluation_text_shows_methods_over_their_runs_and_lists_these() -> None:

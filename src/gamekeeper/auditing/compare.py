@@ -1,4 +1,4 @@
-"""Two audits side by side: what changed in the game between two versions. Pure."""
+"""Two audits side by side: what changed between two versions of an environment. Pure."""
 
 import math
 from collections.abc import Iterator, Mapping

@@ -40,7 +40,7 @@ OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_proces
 OF_SHARING: Final = frozenset(
     {FIRST, "unseeded", "other_process", "second_episode", "alternated", "lifecycle"}
 )
-"""Probes that look for what plays share, or that depend on the order of plays."""
+"""Probes that look for what plays share, or that depend on the order of episodes."""
 
 
 @dataclass(slots=True)
@@ -54,7 +54,7 @@ class Gathering:
         broken: probes that failed through a fault of their own, with the traceback.
         stopped: what ended the gathering before all probes had looked; empty where nothing did.
         cut: probes that ended before they had seen all that their ration allows.
-        class_state: what the classes kept before the first play.
+        class_state: what the classes kept before the first episode.
         is_shared: plays differ by that alone, so that it is held still for other probes.
     """
 

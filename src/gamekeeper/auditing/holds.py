@@ -522,7 +522,7 @@ class Hold:
         function: takes `make`, returns another.
         consequences: checks whose failure may follow from the cause, also one that a single episode
             shows.
-        is_general: so may that of any check that compares two plays.
+        is_general: so may that of any check that compares two episodes.
     """
 
     words: str

@@ -86,7 +86,7 @@ def _orders(pairs: list[tuple[str, str]], hash_seed: int) -> list[list[str]]:
 
 
 def worker_of(session: ProbeSession, hash_seed: int) -> WarmWorker:
-    """The session's worker of that hash seed, started where it is new; it forks for each play."""
+    """The session's worker of that hash seed, started once; it forks for each episode."""
     if hash_seed not in session.workers:
         session.workers[hash_seed] = WarmWorker([__name__], hash_seed=hash_seed)
     return session.workers[hash_seed]

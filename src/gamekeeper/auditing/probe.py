@@ -28,7 +28,7 @@ class Probe:
         name: checks name it in `needs`.
         about: what it does, and the facts that it yields; Markdown.
         share: of the budget, beside the shares of the others.
-        look: yields a fact, `Counterfactual` or `Episode` for all that it saw in one play.
+        look: yields a fact, `Counterfactual` or `Episode` for all that it saw in one episode.
         api: `aec` or `parallel` where it is for one of them only.
         fresh: needs more than one instance.
         against: says why it can't look here; None where it can.

@@ -117,7 +117,7 @@ def program(
     """A program whose `play(env, seed=SEED, between=...)` gives what was seen, as text by turn.
 
     Its `alike(one, other)` raises at the first turn in which two episodes differ. An error of the
-    environment is seen like all else, and ends the play.
+    environment is seen like all else, and ends the episode.
 
     Args:
         lines: what is done with it.

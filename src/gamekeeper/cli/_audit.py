@@ -169,8 +169,12 @@ def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
     return {name: probe.share for name, probe in probes(names).items()}
 
 
-def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Shows failed checks and a program, then suspected, minor and waived ones."""
+def show_audit(screen: Screen, document: Mapping[str, Any], *, is_written: bool) -> None:
+    """Shows failed checks and a program, then suspected, minor and waived ones.
+
+    Args:
+        is_written: the programs of all findings are written to a folder.
+    """
     from gamekeeper.checks.check import checks
     from gamekeeper.reporting.audit_text import (
         minor_text,
@@ -194,10 +198,8 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
             screen.program(text)
         else:
             screen.show(f"\nA program of {lines} lines shows {id}.")
-        screen.show(
-            f"\n  --out FOLDER writes the programs of all findings.\n"
-            f"  gamekeeper explain {id} says why it matters."
-        )
+        others = "" if is_written else "  --out FOLDER writes the programs of all findings.\n"
+        screen.show(f"\n{others}  gamekeeper explain {id} says why it matters.")
     known = checks().keys()
     parts = (
         suspected_text(document, width=width),

@@ -107,7 +107,7 @@ def command(
             raise
         document, code = interrupted.result.to_json(), INTERRUPTED
     show_verdict(screen, document)
-    show_audit(screen, document)
+    show_audit(screen, document, is_written=out is not None)
     show_illegal_actions_of(screen, env[0])
     say_not_exercised(screen, document)
     show_measured(screen, document)

@@ -35,7 +35,7 @@ def command(
     check: str | None = None,
     timeout: float = SILENCE_S,
 ) -> CommandResult:
-    """Finds the commit, or a package's version, at which a run first replays otherwise.
+    """Finds the commit, or a package's version, at which a run's replay first differs.
 
     Tries the last one, then halves. A commit is laid out in a folder of its own, and its code runs
     there; a version is installed into a virtual environment of its own, in which all other packages

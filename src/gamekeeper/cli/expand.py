@@ -19,14 +19,13 @@ def command(
     allow_import: bool = False,
     timeout: float = SILENCE_S,
 ) -> CommandResult:
-    """Plays a run of level actions or digest again, and records it in full.
+    """Replays a run of level actions or digest, and records it in full.
 
-    Every reward, every flag and the digest of every witness is compared with the recorded one;
-    observations between witnesses aren't kept, and can't be. The fingerprint is that of the same
-    run recorded in full. Volatile infos, timings and frames aren't
-    restored.
+    Every reward, flag and stored digest is compared with the recorded one; observations without a
+    digest can't be. The fingerprint is that of the same run recorded in full. Volatile infos,
+    timings and frames aren't restored.
 
-    Exit code 0: expanded. 1: it came out otherwise; nothing is left in OUT.
+    Exit code 0: expanded. 1: the replay differs; OUT isn't written.
 
     Example: gamekeeper expand runs/small runs/full
 

@@ -179,10 +179,10 @@ def _sentence(text: str) -> str:
 
 LISTS: Final[Mapping[Kind, tuple[Callable[[], tuple[list[Row], list[str]]], str]]] = {
     "envs": (_envs, "Environments"),
-    "openers": (_openers, "How environments are named"),
+    "openers": (_openers, "Names of environments"),
     "policies": (_policies, "Policies"),
-    "suites": (_suites, "Suites to evaluate"),
-    "exporters": (_exporters, "Forms to export to"),
+    "suites": (_suites, "Evaluation suites"),
+    "exporters": (_exporters, "Export formats"),
     "interventions": (_interventions, "Interventions"),
     "probes": (_probes, "Probes"),
     "checks": (_checks, "Checks"),

@@ -28,9 +28,9 @@ def command(
 ) -> CommandResult:
     """Finds the turn that lost a failed episode, and the agent whose action would have kept it.
 
-    From turns of the episode the policies go on, on fresh draws. Turns at which the share of
-    successes falls beyond chance are pivots; at each, other actions of one agent are tried.
-    Where nothing is drawn, the last turn is looked for at which another action succeeds.
+    The policies continue the episode from some of its turns, with new random draws. A turn at
+    which the share of successes falls beyond chance is a pivot; there, other actions of one agent
+    are tried. Without random draws, it finds the last turn at which another action succeeds.
 
     Exit code 0: a pivot was found in every episode, or no episode failed. 2: not in every episode.
 

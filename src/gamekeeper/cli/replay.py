@@ -27,7 +27,7 @@ def command(
     allow_import: bool = False,
     timeout: float = SILENCE_S,
 ) -> CommandResult:
-    """Plays a run again, and shows the first divergence if there is one.
+    """Replays a run, and shows the first divergence if there is one.
 
     Resets the environment with the recorded seeds and plays the recorded actions, in a new
     process.

@@ -30,14 +30,13 @@ def command(
     and hands over `env`, live, `policies` as they were then, and `observations` and `infos` of a
     ParallelEnv. Nothing is written.
 
-    Exit code 0: resumed. 2: what was played now isn't what was recorded.
+    Exit code 0: resumed. 2: the replay up to there differs.
 
     Example: gamekeeper resume runs/warehouse-1 --episode 3 --turn 57
 
     Args:
         episode (--episode N): Number of the episode.
-        turn (--turn N): Env steps that are played again before it is handed over; 0 stands after
-            the reset.
+        turn (--turn N): Turn at which the episode is opened; 0: after the reset.
     """
     from gamekeeper.runs.resuming import resume
 

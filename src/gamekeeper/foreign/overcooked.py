@@ -1,4 +1,4 @@
-"""`overcooked:cramped_room`: a layout of Overcooked's, for as many cooks as it has."""
+"""`overcooked:cramped_room`: a layout of Overcooked, for its number of cooks."""
 
 from typing import Any, Final
 

@@ -29,7 +29,7 @@ FAMILIES: Final = {
     "GK9": "evidence",
 }
 SEVERITIES: Final = {
-    "high": "high: agents learn another game than the one that is described",
+    "high": "high: agents learn another task than the one described",
     "medium": "medium: some trainers or tools are misled, or crash",
     "low": "low: a nuisance",
 }

@@ -163,13 +163,13 @@ def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str
     restores = any(each.get("restores") for each in ideals)
     text = (
         f"{_kinds(ideals)}, and the change of the success rate with its "
-        "95 % interval, each alone; +1.00: from 0% to 100%. Restores is judged by p, corrected for "
-        "all that were tried (Holm)."
+        "95 % interval, each alone; +1.00: from 0% to 100%."
     )
     if restores:
         text += (
             f" Restores: closes at least {document['part']:.0%} of the gap to "
-            f"{document['expected']:.0%} success, beyond chance."
+            f"{document['expected']:.0%} success, beyond chance (p, corrected for all that were "
+            "tried: Holm)."
         )
     yield from item_lines(text, width)
     rows = [[each["intervention"], _effect(each), _ideal_word(each)] for each in ideals]

@@ -102,7 +102,7 @@ def _refused(rows: Sequence[Row], width: int) -> Iterator[str]:
     for row in rows:
         by_reason.setdefault(row["why"], []).append(row["what"])
     for why, what in by_reason.items():
-        more = f"; and {len(what) - 1} more" if len(what) > 1 else ""
+        more = f"; likewise {len(what) - 1} more" if len(what) > 1 else ""
         yield from item_lines(f"{what[0]}{more}: {why}", width)
 
 

@@ -38,7 +38,7 @@ def draft_note(*, steps: int, seed: int, declares: bool = False) -> str:
 
     Args:
         steps: played.
-        seed: of the play.
+        seed: of the episode.
         declares: usual values are declared in it.
     """
     usual = "Lines without a # are declared: change what isn't meant."

@@ -18,7 +18,7 @@ SOURCES: Final = {
 """Sources of an action, in words."""
 LOSSES: Final = {
     "draws": "most of it returns with the same actions and new random draws: chance lost it",
-    "several": "no other action of one agent keeps it",
+    "several": "no other action of one agent that was tried keeps it",
     "not tried": "other actions: not tried, the budget is spent",
 }
 """The reason why success was lost, where no agent's other action keeps it."""
@@ -161,7 +161,7 @@ def _all_fail(curve: list[Mapping[str, Any]]) -> str:
     count = sum(point["n"] for point in curve)
     if count:
         return f"all {count} continuations with new random draws failed"
-    return "nothing is drawn at random, and the policies fail again from every turn"
+    return "no random draw was seen, and the policies fail again from every turn"
 
 
 def _action(tried: Mapping[str, Any]) -> str:

@@ -121,7 +121,7 @@ class EpisodePlan:
 
 @dataclass(frozen=True, slots=True)
 class FailedCall:
-    """A call that raised in a play.
+    """A call that raised in an episode.
 
     Attributes:
         call: `reset`, `last`, `step`, `look`, or `policy`, which couldn't choose (its mask).
@@ -164,7 +164,7 @@ class StepHook(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvidenceOptions:
-    """Settings of the evidence of one play.
+    """Settings of the evidence of one episode.
 
     Attributes:
         terms: reward terms in place of the contract's.

@@ -97,7 +97,7 @@ class Intervention(ABC):
 
     @abstractmethod
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play.
+        """The hooks for one episode.
 
         Args:
             rng: the intervention's own stream; equal for equal plays.

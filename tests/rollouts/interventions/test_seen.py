@@ -146,7 +146,7 @@ def test_occlusion_hides_named_fields(name: str) -> None:
 
 
 def test_occlusion_refuses_what_names_no_field() -> None:
-    """When it is made, not in the middle of a play."""
+    """When it is made, not in the middle of an episode."""
     with pytest.raises(ContractError):
         OccludedFields(fields=("the goal",))
 

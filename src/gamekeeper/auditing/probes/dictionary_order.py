@@ -77,7 +77,7 @@ def told(session: ProbeSession, first_divergence: FirstDivergence) -> Difference
     Nothing was drawn: it is the outcome. Else both orders are given the same number of fresh
     random futures from the same state, and a permutation test over all numbers of the outcome says
     whether they have one distribution; where they seem to, fault that comes rarely is looked for
-    at other states of the play.
+    at other states of the episode.
     """
     with kept_global_generators():
         drawn = _drawn(session, first_divergence)

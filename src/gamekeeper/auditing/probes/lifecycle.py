@@ -277,7 +277,7 @@ def _dead_action(
 
 
 def _iterated(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
-    """`agent_iter` over the first turns of the play."""
+    """`agent_iter` over the first turns of the episode."""
     actions = (base.play.actions or ())[:SHORT]
     named: list[str] = []
     selected: list[str] = []

@@ -19,7 +19,7 @@ from gamekeeper.rollouts.process_randomness import held
 ROUNDS: Final = 12
 MOST_PLAYS: Final = 24
 TRIALS: Final = 8
-"""Turns of one play."""
+"""Turns of one episode."""
 MOST_ACTIONS: Final = 12
 """Actions tried at one turn, half of them forbidden ones where there are more."""
 MOST_LATER: Final = 5

@@ -24,7 +24,7 @@ LENGTHS: Final = (8, 14, 24, 40)
 """Turns of the episodes, over and over: short ones are cheap, in long ones the middle is seen."""
 INFLUENCE_MOST_PLAYS: Final = 40
 TRIALS: Final = 8
-"""Replaced actions in one play."""
+"""Replaced actions in one episode."""
 LAGS: Final = 2
 """Ticks (AEC: rounds) after the step that are looked at, as far as masks allow the actions."""
 MOST_LATER: Final = 12

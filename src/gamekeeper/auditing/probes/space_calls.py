@@ -31,7 +31,7 @@ MOST_TURNS: Final = 60
 EVERY: Final = 8
 """Turns from one look at the live agents' spaces and infos to the next."""
 MOST_OBSERVED: Final = 240
-"""Observations of others that are looked at in one play."""
+"""Observations of others that are looked at in one episode."""
 MOST_AGENTS: Final = 64
 """Live agents whose spaces are asked for again and again; of a crowd the first ones."""
 HELD: Final = 1_000

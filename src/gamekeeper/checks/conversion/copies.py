@@ -87,7 +87,7 @@ def originals_go_on_beside_a_deepcopy(contract: Contract, evidence: ProbeEvidenc
 
     Good: leave `__deepcopy__` alone, or copy every attribute in it.
 
-    Fix: keep the game's state in the instance: no class attributes, globals or shared generators,
+    Fix: keep the state in the instance: no class attributes, globals or shared generators,
     and copy all of it in __deepcopy__
     """
     yield from copied_cases(evidence, "deepcopy", "original")
@@ -108,7 +108,7 @@ def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -
 
     Refusing to be pickled is fine, and so is a copy that begins anew and wants a reset (EzPickle).
 
-    Fix: leave nothing of the game's state out of __getstate__, or raise there
+    Fix: leave nothing of the state out of __getstate__, or raise there
     """
     yield from copied_cases(evidence, "pickle", "copy")
 

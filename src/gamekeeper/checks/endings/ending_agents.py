@@ -39,7 +39,7 @@ def endings_reach_all_whom_they_are_declared_for(
 ) -> Cases:
     """An ending that is declared to be everybody's, or a role's, ends all of them at once.
 
-    An agent that goes on playing after the game is over for the others earns rewards in a world
+    An agent that goes on playing after all others have ended earns rewards in a world
     that the rules don't describe.
 
     Bad: `cleared = { kind = "termination", owner = "all" }`, and only the carrier terminates.

@@ -184,7 +184,7 @@ def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> 
         yield Case(
             Where("all rollouts", field=role),
             p > LEVEL,
-            f"agents of {role!r} fare alike under random play",
+            f"agents of {role!r} have equal results with random actions",
             f"they don't in {len(episodes)} episodes (p = {p:.4f})",
             proof=reproducer_of(
                 agents_fare_alike, agents=roles[role], episodes=EPISODES, level=LEVEL

@@ -178,7 +178,7 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Good: `truncations = dict.fromkeys(agents, time >= self.max_time)`.
 
     Fix: truncate where time is up: `truncations = dict.fromkeys(agents, time >= max_time)`; if the
-    last tick is a rule of the game, declare it in the contract's endings as a termination
+    last tick is a rule of the environment, declare it in the contract's endings as a termination
     """
     if any(ending.kind == "termination" for ending in contract.endings.values()):
         return
@@ -212,7 +212,7 @@ def _stands_out(api: str, episodes: Sequence[Episode], limits: Collection[int]) 
 
 
 def _limits(evidence: ProbeEvidence) -> dict[str, int]:
-    """Names of limits that hold one number in all plays."""
+    """Names of limits that hold one number in all episodes."""
     found = [fact.value.limits for fact in evidence.facts(TimeLimits)]
     return {
         name: value

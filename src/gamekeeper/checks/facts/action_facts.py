@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class TriedAction:
-    """An illegal action, or a legal one that random play seldom comes to, on a fresh play.
+    """An illegal action, or a legal one that random play seldom comes to, on a fresh episode.
 
     Attributes:
         is_legal: whether it is a legal one.

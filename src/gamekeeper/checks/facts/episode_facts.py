@@ -1,4 +1,4 @@
-"""Facts of the probes `rollout`, `evidence`, `order` and `alternatives`: whole plays."""
+"""Facts of the probes `rollout`, `evidence`, `order` and `alternatives`: whole episodes."""
 
 from dataclasses import dataclass
 from typing import Any

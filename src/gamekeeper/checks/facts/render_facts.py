@@ -51,7 +51,7 @@ class RenderedMode:
 
 @dataclass(frozen=True, slots=True)
 class RenderedEpisode(RenderedMode):
-    """A filmed play.
+    """A filmed episode.
 
     Attributes:
         moves: turns at which an agent's observation changed.

@@ -44,7 +44,7 @@ class StateSpace:
 
 @dataclass(frozen=True, slots=True)
 class StateAnswers:
-    """Answers of `state()` along a play.
+    """Answers of `state()` along an episode.
 
     Attributes:
         moves: turns at which an agent's observation changed.

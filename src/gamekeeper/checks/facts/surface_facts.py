@@ -92,7 +92,7 @@ class BookEntries:
 
 @dataclass(frozen=True, slots=True)
 class TimeLimits:
-    """Whole numbers that an environment holds from the reset to the end of a play.
+    """Whole numbers that an environment holds from the reset to the end of an episode.
 
     By name, where it sounds like a limit of time.
     """

@@ -314,7 +314,7 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
         def render(self):
             shade = self.picture_rng.integers(256)
 
-    Fix: draw from the game's state without changing it; what is random in a picture needs a
+    Fix: draw the picture from the state without changing it; what is random in a picture needs a
     generator of its own
     """  # the claim is one line
     for counterfactual in evidence.counterfactuals("render"):

@@ -171,8 +171,8 @@ STATE_TWICE_PROOF = (
 def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() says the same when it is asked twice at one moment: it neither draws nor counts.
 
-    A value that differs from one call to the next isn't the game's state; if it is drawn from the
-    game's own generator, calling state() also changes the future.
+    A value that differs from one call to the next isn't the environment's state; if it is drawn
+    from the game's own generator, calling state() also changes the future.
 
     Bad:
         return self.table() + self.rng.normal(0, 0.01, 12)
@@ -180,7 +180,8 @@ def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence)
     Good:
         return self.table()
 
-    Fix: make state() a function of the game alone; noise belongs into observations, drawn in step()
+    Fix: make state() a function of the environment's state alone; noise belongs into observations,
+    drawn in step()
     """
     for fact, answer in answers(evidence):
         if answer.failed is None:

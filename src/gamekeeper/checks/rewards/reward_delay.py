@@ -92,9 +92,9 @@ def rewards_come_with_the_tick_that_earns_them(
 
     A rare reward, a bonus or a penalty, is followed back by itself: where at least four of one
     size were looked into, none that any agent could have changed in its own tick (AEC: by its last
-    turn), and all but a fifth decided in the tick before. A delay that is the game's rule isn't
-    called broken, as far as observations tell it: a number that announces the payment and is back
-    afterwards, or one that moves with it.
+    turn), and all but a fifth decided in the tick before. A delay that is a rule of the environment
+    isn't called broken, as far as observations tell it: a number that announces the payment and is
+    back afterwards, or one that moves with it.
 
     Bad:
         rewards = {a: self.reward(a) for a in self.agents}

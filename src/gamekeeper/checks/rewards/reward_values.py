@@ -114,7 +114,7 @@ class _Account:
 
 @dataclass(slots=True)
 class _Ledger:
-    """The accounts of one play."""
+    """The accounts of one episode."""
 
     accounts: dict[str, _Account] = field(default_factory=dict)
 

@@ -216,7 +216,7 @@ assert set(env.agents) == set(fresh.agents), (list(env.agents), list(fresh.agent
 
 @check("GK103", HIGH, "surface")
 def every_reset_fills_the_roster(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Every reset fills `agents` with one agent or more, as many as in the last episode.
+    """Every reset fills `agents`: not empty, and no agent of the last episode is missing.
 
     A reset that leaves out agents which ended, or keeps what the last episode left, makes each
     episode smaller or larger than the one before; loops over `agents` do nothing at all where it

@@ -188,8 +188,8 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
 def sampling_a_space_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Sampling from the returned spaces doesn't change the episode.
 
-    Every random policy samples actions. Where the game draws from the generators of its spaces,
-    what happens depends on how often anybody has sampled.
+    Every random policy samples actions. Where the environment draws from the generators of its
+    spaces, what happens depends on how often anybody has sampled.
 
     Bad:
         wind = self.action_space(agent).sample()

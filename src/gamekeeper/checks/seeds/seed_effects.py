@@ -124,7 +124,7 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: draw everything from one generator that reset(seed) builds from the seed: nothing from the
     clock, the system's entropy, generators of the whole process or spaces that nobody seeded; and
-    put everything that a game changes back in reset(), what the constructor changed too
+    set everything that an episode changes in reset(), what the constructor changed too
     """
     if any(fact.value.is_settled for fact in evidence.facts(SettledElsewhere)):
         return  # instances share something, and that is another promise

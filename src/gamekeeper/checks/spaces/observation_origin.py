@@ -91,7 +91,7 @@ def observations_are_of_their_own_agent(contract: Contract, evidence: ProbeEvide
 
     Good: `observations = {a: self.observe(a) for a in self.agents}`.
 
-    Fix: make each agent's observation from its own place in the game
+    Fix: make each agent's observation for that agent alone
     """
     naming = _constant(_first(evidence["rollout"]))
     steps = [step for episode in evidence["rollout"] for step in _steps(episode)]

@@ -150,8 +150,8 @@ def _hidden_moves_applies(contract: Contract, evidence: ProbeEvidence) -> str | 
 def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Later agents of a simultaneous tick don't observe what earlier ones did in it.
 
-    An environment that plays a simultaneous game in turns must hide the moves of the tick: else the
-    last to act answers them, and it is another game, won by whoever is asked last.
+    An environment that takes simultaneous actions in turns must hide the moves of the tick: else
+    the last to act answers them, and it is another task, won by whoever is asked last.
 
     By intervention: one agent's action is replaced, and what later agents of the same tick and
     stage observe is compared.
@@ -232,7 +232,7 @@ def outcome_is_free_of_the_actions_order(contract: Contract, evidence: ProbeEvid
     """The outcome of a joint action doesn't depend on the order of the action dictionary.
 
     A dictionary has no order to promise: trainers take agents from lists, sets, sorted names. Where
-    the first in it wins a conflict, they train another game than the one that is described.
+    the first in it wins a conflict, they train another task than the one described.
 
     Whole episodes are played again with the dictionary reversed and shuffled, against a rerun with
     nothing changed. Where a difference shows and no generator has moved, it is the outcome. Where

@@ -1,4 +1,4 @@
-"""`first-legal`: always the first choice that the mask allows; a player without chance."""
+"""`first-legal`: the first action that the mask allows; deterministic."""
 
 import copy
 from typing import Any, Final

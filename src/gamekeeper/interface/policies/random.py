@@ -1,4 +1,4 @@
-"""`random`: each legal action with the same probability; the baseline of every comparison."""
+"""`random`: each legal action with the same probability."""
 
 import copy
 from typing import Any, Final

@@ -193,7 +193,7 @@ def _least(run: ShownRun, attribution: Document | None) -> Answer | None:
     agent, text = found
     place = run.figures.agents.index(agent) if agent in run.figures.agents else None
     link = {} if place is None else _worst_episode(run, place)
-    return Answer("Contributes least", text, agent, "plain", **link)
+    return Answer("Adds least", text, agent, "plain", **link)
 
 
 def _least_added(attribution: Document | None) -> tuple[str, str] | None:
@@ -207,13 +207,13 @@ def _least_added(attribution: Document | None) -> tuple[str, str] | None:
     values = [float(part["value"]) for part in known.values()]
     agent = list(known)[int(np.argmin(values))]
     part, others = known[agent], int(np.isclose(values, min(values)).sum()) - 1
-    between = (
-        ""
-        if part.get("low") is None
-        else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
-    )
-    text = f"Team return lost with {part.get('baseline') or 'a baseline'} in its place: "
-    return agent, f"{text}{shown(part['value'])}{between}{_tied(others)}, the least of all agents."
+    sign, word = (-1, "higher") if part["value"] < 0 else (1, "lower")
+    between = ""
+    if part.get("low") is not None:
+        low, high = sorted((sign * part["low"], sign * part["high"]))
+        between = f" (95 % interval {shown(low)} to {shown(high)})"
+    text = f"With {part.get('baseline') or 'a baseline'} in its place the team's return is "
+    return agent, f"{text}{shown(sign * part['value'])} {word}{between}{_tied(others)}."
 
 
 def _worst_episode(run: ShownRun, place: int) -> Link:
@@ -332,12 +332,6 @@ def _held_still(audit: Document | None) -> str:
     return f"{'; '.join(texts)}." if texts else ""
 
 
-NOT_AGAINST: Final = (
-    "The likely cause was tested by an intervention; this is about continuations without one."
-)
-"""Said of an episode without a turn that lost it, where a cause was named."""
-
-
 def _lost(run: ShownRun, documents: Documents) -> Answer | None:
     """The first turn that lost an episode, else why none is named; None where none was sought."""
     episodes = (documents.pivots or {}).get("episodes") or ()
@@ -347,8 +341,6 @@ def _lost(run: ShownRun, documents: Documents) -> Answer | None:
     number = each["episode"]
     if not each["pivots"]:
         text = f"No turn of episode {number} is named: {no_pivot_text(each)}."
-        if _named(documents.diagnosis):
-            text = f"{text} {NOT_AGAINST}"
         return Answer("Lost at", text, link="#pivots", link_text="curve of success")
     pivot, mark = each["pivots"][0], pivot_marks(each)[0]
     text = "; ".join([f"Episode {number}: {mark.text}", *list(kept_by(pivot))[:1]])

@@ -34,7 +34,7 @@ class ActionDropout(ActionPerturbation):
     strength: float = USUAL
 
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one play."""
+        """Returns the hand of an agent for one episode."""
         strength, last = self.strength, None
 
         def do(action: Any) -> Any:
@@ -51,7 +51,7 @@ class ActionDropout(ActionPerturbation):
 
 @dataclass(frozen=True, slots=True)
 class ActionNoise(ActionPerturbation):
-    """Replaces an agent's action by a random legal one at some turns.
+    """Adds noise to an agent's actions; a discrete one becomes another legal one at some turns.
 
     The strength is the probability, at each turn and for each whole number of an action by itself,
     that another legal value takes its place, each as likely as any other; a Box's numbers all get a
@@ -74,7 +74,7 @@ class ActionNoise(ActionPerturbation):
         )
 
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one play."""
+        """Returns the hand of an agent for one episode."""
         numbers, strength = numbers_of(offer.parts), self.strength
 
         def do(action: Any) -> Any:
@@ -135,7 +135,7 @@ class ActionSaturation(ActionPerturbation):
         return None if _continuous(offer) else NOT_CONTINUOUS
 
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one play."""
+        """Returns the hand of an agent for one episode."""
         ranges = [(each, *_range(each, offer, 1 - self.strength)) for each in _continuous(offer)]
 
         def do(action: Any) -> Any:
@@ -179,7 +179,7 @@ class Frozen(ActionPerturbation):
     strength: float = USUAL
 
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one play."""
+        """Returns the hand of an agent for one episode."""
         strength, first = self.strength, list[Any]()
 
         def do(action: Any) -> Any:
@@ -208,7 +208,7 @@ class StickyActions(ActionPerturbation):
     strength: float = USUAL
 
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one play."""
+        """Returns the hand of an agent for one episode."""
         strength, last = self.strength, None
 
         def do(action: Any) -> Any:

@@ -29,7 +29,7 @@ class Reenacted(Intervention):
     script: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
 
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play."""
+        """The hooks for one episode."""
         return _Scripted(self)
 
 
@@ -86,7 +86,7 @@ class ReplacedAction(Intervention):
     action: Any
 
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play."""
+        """The hooks for one episode."""
         return _Replaced(self)
 
 
@@ -143,7 +143,7 @@ class InUnison(Intervention):
     share: float = 0.5
 
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play."""
+        """The hooks for one episode."""
         return _Unison(self.share, rng)
 
 

@@ -29,7 +29,7 @@ class ActionDelay(ActionPerturbation):
     strength: float = USUAL
 
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one play."""
+        """Returns the hand of an agent for one episode."""
         turns, waiting = int(self.strength), deque[Any]()
 
         def do(action: Any) -> Any:
@@ -54,7 +54,7 @@ class ObservationDelay(ObservationPerturbation):
     strength: float = USUAL
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
+        """Returns the eye of an agent for one episode."""
         seen: deque[Any] = deque(maxlen=int(self.strength) + 1)
 
         def see(observation: Any) -> Any:
@@ -85,7 +85,7 @@ class SlowerAgent(ActionPerturbation):
         return None if offer.has_noop else "no action is declared that does nothing"
 
     def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one play."""
+        """Returns the hand of an agent for one episode."""
         every, turn = int(self.strength) + 1, -1
 
         def do(action: Any) -> Any:

@@ -53,7 +53,7 @@ class GlobalGeneratorsDisturbed(Intervention):
     """
 
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play."""
+        """The hooks for one episode."""
         return _Disturbing(rng)
 
 

@@ -161,7 +161,7 @@ class ActionPerturbation(Perturbation):
     ON: ClassVar[Literal["seen", "done"]] = "done"
 
     def start(self, rng: Generator) -> Hooks:
-        """Returns the hooks for one play."""
+        """Returns the hooks for one episode."""
         return _ActionHooks(self, rng) if self.strength else Hooks()
 
     @abstractmethod

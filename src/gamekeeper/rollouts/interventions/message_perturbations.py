@@ -33,19 +33,19 @@ class MessageDrop(MessagePerturbation):
     strength: float = USUAL
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
+        """Returns the eye of an agent for one episode."""
         deafen, strength = blinder(sight.messages), self.strength
         return lambda observation: deafen(observation) if rng.random() < strength else observation
 
 
 @dataclass(frozen=True, slots=True)
 class MessageShuffle(MessagePerturbation):
-    """Exchanges the declared message fields in an agent's observation at some turns.
+    """Garbles the declared message fields in an agent's observation at some turns.
 
     The agents are those that listen. Several numbers come in another order (a word that stands as
     a one among zeros becomes another word), one of a Discrete space becomes any of the space, and
-    a single number or a text becomes one that the agent was told before in the play. The strength
-    is the probability at each turn.
+    a single number or a text becomes one that the agent was told before in the episode. The
+    strength is the probability at each turn.
     """
 
     label: ClassVar[Label] = "perception"
@@ -54,7 +54,7 @@ class MessageShuffle(MessagePerturbation):
     strength: float = USUAL
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
+        """Returns the eye of an agent for one episode."""
         numbers, strength = numbers_of(sight.messages), self.strength
         listed = {id(each.part) for each in numbers}
         ears = [_ear(each, rng) for each in numbers]

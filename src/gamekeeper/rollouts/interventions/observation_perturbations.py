@@ -108,7 +108,7 @@ class ObservationDropout(ObservationPerturbation):
     strength: float = USUAL
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
+        """Returns the eye of an agent for one episode."""
         blind, strength = blinder(sight.parts), self.strength
         return lambda observation: blind(observation) if rng.random() < strength else observation
 
@@ -140,7 +140,7 @@ class OccludedFields(ObservationPerturbation):
             message_field(name)  # or a ContractError now, and not in the middle of an episode
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
+        """Returns the eye of an agent for one episode."""
         fields = _split(sight.parts)
         if self.fields is not None:
             named = (named_parts(name, sight.space, sight.parts) for name in self.fields)
@@ -189,7 +189,7 @@ class StaleMemory(ObservationPerturbation):
             )
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
+        """Returns the eye of an agent for one episode."""
         strength, turns = self.strength, self.turns
         left, memory = 0, None
 

@@ -78,7 +78,7 @@ class ObservationPerturbation(Perturbation):
     ON: ClassVar[Literal["seen", "done"]] = "seen"
 
     def start(self, rng: Generator) -> Hooks:
-        """Returns the hooks for one play."""
+        """Returns the hooks for one episode."""
         return _ObservationHooks(self, rng) if self.strength else Hooks()
 
     @abstractmethod
@@ -110,7 +110,7 @@ class NumberPerturbation(ObservationPerturbation):
         """Returns a function that gives [size] offsets turn by turn, in deviations."""
 
     def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
+        """Returns the eye of an agent for one episode."""
         offsets = [(each, self.offset(each.size, rng)) for each in numbers_of(sight.parts)]
         strength = self.strength
 

@@ -28,7 +28,7 @@ class ActionOrder(Intervention):
     order: str = "reversed"
 
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play."""
+        """The hooks for one episode."""
         return _Reordered(self.order)
 
 
@@ -71,7 +71,7 @@ class LaterPlace(Perturbation):
     strength: float = USUAL
 
     def start(self, rng: Generator) -> Hooks:
-        """The hooks for one play."""
+        """The hooks for one episode."""
         return _Moved(self, rng) if self.strength else Hooks()
 
     @classmethod

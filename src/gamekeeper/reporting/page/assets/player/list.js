@@ -46,7 +46,7 @@ gk.EpisodeList = class {
     this.entries = entries;
     const packed = entries.filter((entry) => entry.packed).length;
     const changed = entries.filter((entry) => entry.change).length;
-    const played = changed ? `, ${changed} of them played again with one change` : "";
+    const played = changed ? `, ${changed} of them counterfactual${changed === 1 ? "" : "s"}` : "";
     const more = packed < entries.length ? ` (${packed} of them can be played here; gamekeeper view plays all)` : "";
     gk.say(this.summary, entries.length === 1 ? "The only episode" : `All ${entries.length} episodes${played}${more}`);
     this.agents = [...new Set(entries.slice(0, 200).flatMap((entry) => Object.keys(entry.returns ?? {})))];
