@@ -102,7 +102,7 @@ class EpisodePlan:
         stream: number of the episode for the policies' random streams.
         actions: turn by turn; None: policies choose.
         most_turns: the play is cut there.
-        looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
+        asks_last: where an AEC play is cut, the agent in turn is still given what it would be.
         opening: states of generators and attributes, as a run has them; None: seed and options are
             all.
         stand_ins: actions of live agents that a scripted tick leaves out, as in a play that was
