@@ -115,7 +115,7 @@ class Mirrored(ObservationPerturbation):
 
     strength: float = USUAL
 
-    def eye(self, sight, rng):
+    def sensor(self, observed, rng):
         def see(observation):
             return observation[::-1].copy() if rng.random() < self.strength else observation
 
