@@ -100,7 +100,7 @@ A frozen dataclass; its hooks, made anew for each episode, change each turn. The
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gamekeeper.rollouts.interventions.sights import ObservationPerturbation
+from gamekeeper.rollouts.interventions.sensors import ObservationPerturbation
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class Mirrored(ObservationPerturbation):
 
     strength: float = USUAL
 
-    def eye(self, sight, rng):
+    def sensor(self, observed, rng):
         def see(observation):
             return observation[::-1].copy() if rng.random() < self.strength else observation
 

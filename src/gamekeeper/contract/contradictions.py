@@ -33,28 +33,31 @@ HORIZON: Final = "horizon"
 
 def check_declarations(contract: Contract, root: SourcePath) -> None:
     """Reports each role and knob that isn't declared, and each contradiction, where it stands."""
-    _check_roles(contract.roles, root / "roles")
-    for error in _schedule_mistakes(contract, root / "schedule"):
+    for error in _mistakes(contract, root):
         root.report(error)
-    for error in _symmetry_mistakes(contract, root / "roles"):
-        root.report(error)
+
+
+def _mistakes(contract: Contract, root: SourcePath) -> Iterator[GamekeeperError]:
+    yield from _role_mistakes(contract.roles, root / "roles")
+    yield from _schedule_mistakes(contract, root / "schedule")
+    yield from _symmetry_mistakes(contract, root / "roles")
     for name, term in contract.rewards.items():
-        _check_term(term, contract.roles, root / "rewards" / name)
+        yield from _term_mistakes(term, contract.roles, root / "rewards" / name)
     for name, ending in contract.endings.items():
         if ending.owner is not None:
             place = root / "endings" / name / "owner"
-            _check_known(place, ending.owner, ("agent", "all", *contract.roles))
+            yield from _undeclared(place, ending.owner, ("agent", "all", *contract.roles))
     if contract.schedule.horizon is not None and HORIZON in contract.endings:
-        _check_time_limit(contract.endings[HORIZON], root / "endings" / HORIZON)
+        yield from _time_limit_mistakes(contract.endings[HORIZON], root / "endings" / HORIZON)
     for name, knob in contract.knobs.items():
         for position, other in enumerate(knob.contains or ()):
             if other not in contract.knobs or other == name:
                 place = root / "knobs" / name / "contains" / position
                 others = [known for known in contract.knobs if known != name]
                 what = f"knob {other!r} is not declared"
-                root.report(place.unknown(what, other, others, noun="knob"))
+                yield place.unknown(what, other, others, noun="knob")
     for scope in contract.failure:
-        _check_known(root / "failure" / scope, scope, ("team", "agent", *contract.roles))
+        yield from _undeclared(root / "failure" / scope, scope, ("team", "agent", *contract.roles))
 
 
 def with_staged(contract: Contract, root: SourcePath) -> Table[Role]:
@@ -87,29 +90,27 @@ def with_staged(contract: Contract, root: SourcePath) -> Table[Role]:
     return Table(roles)
 
 
-def _check_known(at: SourcePath, name: str, known: Iterable[str]) -> None:
+def _undeclared(at: SourcePath, name: str, known: Iterable[str]) -> Iterator[GamekeeperError]:
     if name not in known:
-        at.report(at.unknown(f"role {name!r} is not declared", name, known, noun="role"))
+        yield at.unknown(f"role {name!r} is not declared", name, known, noun="role")
 
 
-def _check_roles(roles: Mapping[str, Role], at: SourcePath) -> None:
+def _role_mistakes(roles: Mapping[str, Role], at: SourcePath) -> Iterator[GamekeeperError]:
     for name, role in roles.items():
         if name in RESERVED:
-            error = (at / name).error(
+            yield (at / name).error(
                 f"no role can be called {name!r}",
                 expected="a name of your own",
                 actual=name,
                 fix=f"{name!r} is a word of contracts: call the role something else",
             )
-            at.report(error)
         if role.mask == NONE and role.illegal is not None:
-            error = (at / name / "illegal").error(
+            yield (at / name / "illegal").error(
                 f"every action of role {name!r} is legal, as its mask is declared to be absent",
                 expected="no 'illegal' beside mask = \"none\"",
                 actual=role.illegal,
                 fix="leave illegal out, or declare where the mask stands",
             )
-            at.report(error)
     usable = [(name, role) for name, role in roles.items() if name not in RESERVED]
     for (other, first), (name, second) in combinations(usable, 2):
         both = product(patterns(other, first), patterns(name, second))
@@ -117,17 +118,17 @@ def _check_roles(roles: Mapping[str, Role], at: SourcePath) -> None:
         if shared is not None:
             # The line of the one that says which agents it holds, where one says nothing.
             wrong = name if second.agents or not first.agents else other
-            error = (at / wrong / "agents").error(
+            yield (at / wrong / "agents").error(
                 f"roles {other!r} and {name!r} can both hold an agent",
                 expected="patterns that no name fits both of",
                 actual=" and ".join(shared),
                 fix="make one pattern narrower, or list its agents by name",
             )
-            at.report(error)
 
 
 def _schedule_mistakes(contract: Contract, at: SourcePath) -> Iterator[GamekeeperError]:
     schedule, is_parallel = contract.schedule, contract.api == "parallel"
+    has_later = len(schedule.stages or ()) > 1  # whose agents may observe those of an earlier stage
     if is_parallel and schedule.observe == "after turn":
         yield (at / "observe").error(
             "a parallel environment can't show anything before its tick is over",
@@ -135,7 +136,7 @@ def _schedule_mistakes(contract: Contract, at: SourcePath) -> Iterator[Gamekeepe
             actual=schedule.observe,
             fix='write observe = "after tick", or api = "aec"',
         )
-    elif (schedule.order, schedule.observe) == ("none", "after turn") and not _has_later(contract):
+    elif (schedule.order, schedule.observe) == ("none", "after turn") and not has_later:
         yield (at / "observe").error(
             "agents that act simultaneously don't observe one another's turns",
             expected='"after tick"',
@@ -167,11 +168,6 @@ def _schedule_mistakes(contract: Contract, at: SourcePath) -> Iterator[Gamekeepe
         )
 
 
-def _has_later(contract: Contract) -> bool:
-    """Tells whether agents of a later stage are declared, who may observe those of an earlier."""
-    return len(contract.schedule.stages or ()) > 1
-
-
 def _acts_alone(contract: Contract) -> bool:
     """Tells whether every stage is declared to hold one agent."""
     stages = contract.schedule.stages or ()
@@ -196,57 +192,54 @@ def _symmetry_mistakes(contract: Contract, at: SourcePath) -> Iterator[Gamekeepe
             )
 
 
-def _check_time_limit(ending: Ending, at: SourcePath) -> None:
-    """Reports an ending at the horizon that isn't the truncation of all agents."""
+def _time_limit_mistakes(ending: Ending, at: SourcePath) -> Iterator[GamekeeperError]:
+    """Yields an error for an ending at the horizon that isn't the truncation of all agents."""
     for key, value, right in (("kind", ending.kind, "truncation"), ("owner", ending.owner, "all")):
         if value not in (None, right):
-            error = (at / key).error(
+            yield (at / key).error(
                 "schedule.horizon truncates all agents, and the ending 'horizon' says otherwise",
                 expected=f'"{right}"',
                 actual=value,
                 fix=f'write {key} = "{right}"; or give the ending another name, or leave '
                 "schedule.horizon out",
             )
-            at.report(error)
 
 
-def _check_term(term: RewardTerm, roles: Mapping[str, Role], at: SourcePath) -> None:
+def _term_mistakes(
+    term: RewardTerm, roles: Mapping[str, Role], at: SourcePath
+) -> Iterator[GamekeeperError]:
     for key, extra in (("earner", ("all",)), ("payee", ("all", "earner"))):
         names: tuple[str, ...] = getattr(term, key) or ()
         for number, name in enumerate(names):
             place = at / key / number if len(names) > 1 else at / key
-            _check_known(place, name, (*extra, *roles))
+            yield from _undeclared(place, name, (*extra, *roles))
         if len(names) > 1 and set(names) & set(extra):
-            error = (at / key).error(
+            yield (at / key).error(
                 f"'{at.text}.{key}' names roles beside a word for all of them",
                 expected="roles, or one of " + ", ".join(extra),
                 actual=list(names),
                 fix="leave one out",
             )
-            at.report(error)
     payees = term.payee or ()
     one = payees == ("earner",) or (len(payees) == 1 and is_single(roles.get(payees[0], Role())))
     if term.kind == "zero-sum" and one:
-        error = (at / "payee").error(
+        yield (at / "payee").error(
             f"the zero-sum term {at.path[-1]!r} has one payee, so it always pays 0",
             expected="two payees or more, or all",
             actual=list(payees),
             fix='write payee = "all", or another kind',
         )
-        at.report(error)
     if term.kind == "shared" and payees == ("earner",):
-        error = (at / "payee").error(
+        yield (at / "payee").error(
             f"the shared term {at.path[-1]!r} pays only the agent that earned it",
             expected="roles, or all",
             actual="earner",
             fix='write kind = "individual", or payee = "all"',
         )
-        at.report(error)
     if term.kind == "individual" and payees == ("all",) and term.earner not in (None, ("all",)):
-        error = (at / "payee").error(
+        yield (at / "payee").error(
             f"the individual term {at.path[-1]!r} pays agents that didn't earn it",
             expected="the role that earns it, or earner",
             actual="all",
             fix='write kind = "shared", or payee = "earner"',
         )
-        at.report(error)

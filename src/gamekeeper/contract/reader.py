@@ -121,21 +121,9 @@ def waiver(value: object, at: SourcePath) -> str:
 
 DTYPES: Final = (
     "bool",
-    "int8",
-    "int16",
-    "int32",
-    "int64",
-    "uint8",
-    "uint16",
-    "uint32",
-    "uint64",
-    "float16",
-    "float32",
-    "float64",
-    "str",
-    "json",
+    *(f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)),
+    *("float16", "float32", "float64", "str", "json"),
 )
-
 
 STAGE: Final = listed(text, least=1)
 SCHEDULE: Final = section(

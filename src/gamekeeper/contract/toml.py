@@ -43,10 +43,6 @@ class _TomlScanner:
     def next(self) -> None:
         self.kind, self.token, self.line = next(self.tokens, ("end", "", self.line))
 
-    def skip(self) -> None:
-        while self.kind == "newline":
-            self.next()
-
     def scan(self) -> dict[Path, int]:
         table: Path = ()
         while self.kind != "end":
@@ -111,7 +107,8 @@ class _TomlScanner:
     def inside(self, path: Path, close: str) -> None:
         number = 0
         while self.kind != "end":
-            self.skip()
+            while self.kind == "newline":
+                self.next()
             if self.kind == "sign" and self.token == close:
                 self.next()
                 return
@@ -121,15 +118,11 @@ class _TomlScanner:
                 self.pair(path)
             else:
                 self.note((*path, number), self.line)
-                before = self.tokens_left
+                before = self.kind, self.token, self.line
                 self.value((*path, number))
                 number += 1
-                if before == self.tokens_left:
+                if before == (self.kind, self.token, self.line):
                     self.next()
-
-    @property
-    def tokens_left(self) -> tuple[str, str, int]:
-        return self.kind, self.token, self.line
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str, int]]:

@@ -126,9 +126,7 @@ class SourcePath:
         try:
             yield
         except GamekeeperError as error:
-            if self.mistakes is None:
-                raise
-            self.mistakes.append(error)
+            self.report(error)
 
     @property
     def text(self) -> str:

@@ -25,7 +25,7 @@ from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.interface.joint_policy import JointPolicy
 from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.continuations import Continuations
-from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
+from gamekeeper.rollouts.interventions.legal_actions import LegalActions, legal_actions_of
 from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.statistics.significance import fisher_exact, holm, wilson
 
@@ -367,12 +367,12 @@ def options_at(
         if action is None or agent not in inputs:  # an ended agent's
             continue
         yield ActionOption(agent, DRAWN)
-        offer = offer_of(play.base.contract, play.base.env, agent)
+        legal_actions = legal_actions_of(play.base.contract, play.base.env, agent)
         rng = np.random.default_rng([13, seed, turn, place])
-        if offer is not None:
-            offer.take(*inputs[agent])
-            yield from _others(offer, agent, action, rng)
-        space = None if offer is None else offer.space
+        if legal_actions is not None:
+            legal_actions.take(*inputs[agent])
+            yield from _others(legal_actions, agent, action, rng)
+        space = None if legal_actions is None else legal_actions.space
         is_short = isinstance(space, Discrete) and int(space.n) <= MOST_LEGAL
         if reference is not None and not is_short:
             yield ActionOption(agent, REFERENCE, reference.act(agent, *inputs[agent]))
@@ -387,12 +387,12 @@ def reference_of(env: Any, contract: Contract) -> JointPolicy | None:
 
 
 def _others(
-    offer: Offer, agent: Any, recorded: Any, rng: np.random.Generator
+    legal_actions: LegalActions, agent: Any, recorded: Any, rng: np.random.Generator
 ) -> Iterator[ActionOption]:
-    space = offer.space
+    space = legal_actions.space
     if isinstance(space, Discrete):
         every = range(int(space.start), int(space.start + space.n))
-        legal = [each for each in every if each != int(recorded) and offer.allows(each)]
+        legal = [each for each in every if each != int(recorded) and legal_actions.allows(each)]
         if len(legal) > MOST_LEGAL:
             legal = sorted(rng.choice(legal, MOST_LEGAL, replace=False).tolist())
         yield from (ActionOption(agent, LEGAL, space.dtype.type(each)) for each in legal)
@@ -400,4 +400,4 @@ def _others(
     own = copy.deepcopy(space)
     own.seed(int(rng.integers(1 << 31)))
     drawn = [own.sample() for _ in range(SAMPLES)]
-    yield from (ActionOption(agent, SAMPLE, each) for each in drawn if offer.allows(each))
+    yield from (ActionOption(agent, SAMPLE, each) for each in drawn if legal_actions.allows(each))

@@ -22,7 +22,7 @@ from gamekeeper.episodes.outcome import Label
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.interface.env_source import api_of
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
-from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
+from gamekeeper.rollouts.interventions.legal_actions import LegalActions, legal_actions_of
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 
 OnObservation = Literal[
@@ -159,7 +159,7 @@ class UndonePolicies:
             contract,
         )
         self._agents = frozenset(undo.agents)
-        self._boundaries: dict[AgentId, tuple[Passed, Passed, Offer | None]] = {}
+        self._boundaries: dict[AgentId, tuple[Passed, Passed, LegalActions | None]] = {}
         self._held: dict[AgentId, tuple[int, Any]] = {}
         self._way = MessageWay(undo, env, contract) if undo.way == "deliver messages" else None
 
@@ -175,7 +175,7 @@ class UndonePolicies:
         return self._joint_policy.asked(agent, *given, **how)
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
-        """The action of a live agent; an illegal one gives way as `Offer.stand_in` says."""
+        """The action of a live agent; an illegal one gives way as `LegalActions.stand_in` says."""
         if self._way is not None:
             shown = self._way.given(agent, observation)
             return self._way.noted(agent, self._joint_policy.act(agent, shown, info))
@@ -184,14 +184,18 @@ class UndonePolicies:
         if agent not in self._boundaries:
             boundary = _boundary(self._undo, self._env, self._contract, agent)
             self._boundaries[agent] = boundary
-        seen, pass_on, offer = self._boundaries[agent]
+        seen, pass_on, legal_actions = self._boundaries[agent]
         shown = seen(observation)
-        if offer is not None:  # before its policy could write into what it is given
-            offer.take(observation, info)
+        if legal_actions is not None:  # before its policy could write into what it is given
+            legal_actions.take(observation, info)
         action = self._chosen(agent, shown, info)
         done = pass_on(action)
         is_own = done is action and self._undo.way != "hold"
-        return done if is_own or offer is None or offer.allows(done) else offer.stand_in(action)
+        return (
+            done
+            if is_own or legal_actions is None or legal_actions.allows(done)
+            else legal_actions.stand_in(action)
+        )
 
     def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """The action; the policy itself is asked once a turn, so that its memory goes on as ever.
@@ -264,7 +268,7 @@ class MessageWay:
 
 def _boundary(
     undo: BoundaryUndo, env: Any, contract: Contract, agent: AgentId
-) -> tuple[Passed, Passed, Offer | None]:
+) -> tuple[Passed, Passed, LegalActions | None]:
     """Both directions between the game and the policy of one agent, and its legal actions."""
     observed, acted = observation_space(env, agent), action_space(env, agent)
     seen: Passed = _same
@@ -273,7 +277,7 @@ def _boundary(
         seen = passed_with(undo, observed_fields(contract, agent, observed), is_action=False)
     if undo.way in ACTION and acted is not None:
         done = passed_with(undo, acted_fields(acted), is_action=True)
-    return seen, done, offer_of(contract, env, agent)
+    return seen, done, legal_actions_of(contract, env, agent)
 
 
 def _same(value: Any) -> Any:

@@ -73,20 +73,17 @@ def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
 
 def states_batch(states: States, *, digests: Any | None = None) -> pa.RecordBatch:
     """States as a record batch; `digests` [turns, 16], where given, stand in place of values."""
-    if digests is not None:
-        columns = [
-            (pa.field("episode", pa.int32()), pa.array(states.episode)),
-            (pa.field("turn", pa.int32()), pa.array(states.turn)),
-            (pa.field("nonconforming", pa.string()), pa.nulls(len(states.turn), pa.string())),
-            (pa.field("digest", pa.binary()), binary_array(digests)),
-        ]
+    columns = [
+        (pa.field("episode", pa.int32()), pa.array(states.episode)),
+        (pa.field("turn", pa.int32()), pa.array(states.turn)),
+    ]
+    texts = pa.field("nonconforming", pa.string())
+    if digests is None:
+        columns += [cells_field(column, cells) for column, cells in states.cells]
+        columns.append((texts, pa.array(states.nonconforming, pa.string())))
     else:
-        columns = [
-            (pa.field("episode", pa.int32()), pa.array(states.episode)),
-            (pa.field("turn", pa.int32()), pa.array(states.turn)),
-            *(cells_field(column, cells) for column, cells in states.cells),
-            (pa.field("nonconforming", pa.string()), pa.array(states.nonconforming, pa.string())),
-        ]
+        columns.append((texts, pa.nulls(len(states.turn), pa.string())))
+        columns.append((pa.field("digest", pa.binary()), binary_array(digests)))
     fields, arrays = zip(*columns, strict=True)
     return pa.RecordBatch.from_arrays(list(arrays), schema=pa.schema(list(fields)))
 
@@ -175,18 +172,11 @@ def cells_of(column: Column, array: pa.ChunkedArray) -> Cells:
             for part in whole.to_pylist()
         ]
         return Raw(np.frombuffer(b"".join(parts), np.uint8).reshape(len(parts), size), valid)
-    values = (
-        whole.values if not whole.offset else whole.values[whole.offset * whole.type.list_size :]
-    )
-    flat = np.asarray(values.fill_null(0) if values.null_count else values)[
-        : len(whole) * whole.type.list_size
-    ]
-    raw = (
-        np.ascontiguousarray(flat, np.dtype(column.leaf.dtype))
-        .view(np.uint8)
-        .reshape(len(whole), size)
-    )
-    return Raw(raw, valid)
+    length = whole.type.list_size
+    values = whole.values[whole.offset * length : (whole.offset + len(whole)) * length]
+    flat = np.asarray(values.fill_null(0) if values.null_count else values)
+    raw = np.ascontiguousarray(flat, np.dtype(column.leaf.dtype)).view(np.uint8)
+    return Raw(raw.reshape(len(whole), size), valid)
 
 
 def _cells(column: Column, cells: Cells) -> pa.Array:

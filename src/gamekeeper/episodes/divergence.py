@@ -231,7 +231,7 @@ class Comparison:
         self._last: tuple[Episode, Episode] | None = None
         self._is_kept = False  # the recorded one is of level `actions`
 
-    def look(self, recorded: Episode, replayed: Episode) -> bool:
+    def add(self, recorded: Episode, replayed: Episode) -> bool:
         """Compares the next turns; True while there is no divergence."""
         self._is_kept = self._is_kept or recorded.is_actions
         known = clipped(replayed.kept() if self._is_kept else replayed, self._known)
@@ -277,7 +277,7 @@ def compare(
             as equal; None: bit for bit.
     """
     found = Comparison(extent_of(recorded), tolerance=tolerance, volatile=volatile)
-    found.look(recorded, replayed)
+    found.add(recorded, replayed)
     found.ends()
     return found
 
@@ -309,7 +309,7 @@ def _different_turns(left: Episode, right: Episode, volatile: Collection[str]) -
 
 @legible
 def _are_equal(left: Episode, right: Episode) -> bool:
-    """True if all rows are the same, one by one: no look at each turn is needed then."""
+    """True if all rows are the same, one by one."""
     if left.steps.num_rows != right.steps.num_rows or (left.states is None) != (
         right.states is None
     ):
@@ -382,7 +382,11 @@ def _first(
     states = _state_at(left, number), _state_at(right, number)
     pairs = iter(()) if a is None or b is None else _pairs(a, b, volatile, _is_digest(left, right))
     for agent, field, recorded, replayed in chain(pairs, [(None, "state", *states)]):
-        size = difference(recorded, replayed, None if _is_whole(field, recorded) else tolerance)
+        # action 2 isn't nearly action 3
+        is_whole = field == "order" or (
+            field == "action" and isinstance(recorded, int | np.integer)
+        )
+        size = difference(recorded, replayed, None if is_whole else tolerance)
         if size is None:
             return Divergence(left.episode, number, agent, field, recorded, replayed), largest
         largest = max(largest, size)
@@ -397,11 +401,6 @@ def _first(
 
 def _is_digest(*episodes: Episode) -> bool:
     return any("digest" in episode.steps.schema.names for episode in episodes)
-
-
-def _is_whole(field: str, value: Any) -> bool:
-    """True if no tolerance applies: action 2 isn't nearly action 3."""
-    return field == "order" or (field == "action" and isinstance(value, int | np.integer))
 
 
 def _error(episode: Episode) -> str | None:
@@ -487,13 +486,13 @@ def compare_chunks(
     """
     found = Comparison(known, tolerance=tolerance, volatile=volatile)
     for episode, before in recorded.stretches():
-        if not found.look(episode, replayed.take(_end(episode) if before is None else before)):
+        if not found.add(episode, replayed.take(_end(episode) if before is None else before)):
             break
     else:
         nothing = recorded.take(None)
         # further turns of the other one are a divergence, unless the end of this one is unknown
         for rest, _ in replayed.stretches():
-            if known.turns is not None or not found.look(nothing, rest):
+            if known.turns is not None or not found.add(nothing, rest):
                 break
         found.ends()
     return found

@@ -164,10 +164,8 @@ class Turn:
         if agent not in self.agents:
             return False
         codec = self._episode.spaces.get(agent, _NO_SPACES).observation
-        row = self._rows[self.agents.index(agent)]
-        if payloads_at(codec, self._episode.cells("obs"), row) is not None:
-            return True
-        return "value" in self._strange(agent, "obs")
+        payloads = payloads_at(codec, self._episode.cells("obs"), self.row(agent))
+        return payloads is not None or "value" in self._strange(agent, "obs")
 
     @cached_property
     def actions(self) -> Mapping[AgentName, Any]:
@@ -459,10 +457,8 @@ def digests_of(steps: pa.Table) -> Any:
     Raises:
         EvidenceError: a stored one isn't of 16 bytes.
     """
-    if "observed" in steps.schema.names:
-        digests = [kept_digests(block) for block in blocks_of(steps)]
-        return np.concatenate(digests) if digests else np.empty((0, SIZE), np.uint8)
-    if "digest" in steps.schema.names:
+    is_actions = "observed" in steps.schema.names
+    if not is_actions and "digest" in steps.schema.names:
         stored = steps["digest"]
         if stored.null_count or pc.any(pc.not_equal(pc.binary_length(stored), SIZE)).as_py():
             raise EvidenceError(
@@ -471,5 +467,5 @@ def digests_of(steps: pa.Table) -> Any:
                 fix="restore the run from a copy; `gamekeeper verify` lists all damage",
             )
         return np.frombuffer(b"".join(stored.to_pylist()), np.uint8).reshape(-1, SIZE)
-    digests = [row_digests(block) for block in blocks_of(steps)]
+    digests = list(map(kept_digests if is_actions else row_digests, blocks_of(steps)))
     return np.concatenate(digests) if digests else np.empty((0, SIZE), np.uint8)

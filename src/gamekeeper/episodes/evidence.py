@@ -44,11 +44,8 @@ NO_STEPS: Final = pa.schema(  # of a run that ended before its first row: what e
 HEADERS: Final = 1_024
 """Rows of `episodes` that are made into headers at a time."""
 MOST_EPISODES: Final = 2**31 - 1  # the numbers that the column `episode` holds
-IDENTITY: Final = (
-    "api",
-    "kwargs",
-    "name",
-)  # what of an environment's identity the fingerprint covers
+IDENTITY: Final = ("api", "kwargs", "name")
+"""Fields of an environment's identity that the fingerprint covers."""
 
 
 NOT_WHOLE: Final = {
@@ -57,14 +54,6 @@ NOT_WHOLE: Final = {
     "failed": "Not whole: its recording ended with an error.",
 }
 """By status of a run."""
-
-
-def _missing(package: str) -> DependencyError:
-    """Error about a package that a data frame is of."""
-    return DependencyError(
-        f"a {package} DataFrame is asked for, and {package} isn't installed",
-        fix=f"pip install {package}, or use the pyarrow tables",
-    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -120,24 +109,24 @@ class Evidence:
             EvidenceError: the run has no such table.
             DependencyError: pandas isn't installed.
         """
-        try:
-            return self._table(table).to_pandas()
-        except ImportError as error:
-            raise _missing("pandas") from error
-
-    def _table(self, name: str) -> pa.Table:
-        found = {"episodes": self.episode_table, "agent_steps": self.agent_steps}.get(name)
-        if found is None and name in ("states", "timings"):
-            found = self.tables.table(name)
+        found = {"episodes": self.episode_table, "agent_steps": self.agent_steps}.get(table)
+        if found is None and table in ("states", "timings"):
+            found = self.tables.table(table)
         if found is None:
             raise EvidenceError(
                 "the run has no such table",
-                where=name,
+                where=table,
                 expected="agent_steps or episodes; states and timings where they were recorded",
-                actual=repr(name),
+                actual=repr(table),
                 fix="name a table that the run has",
             )
-        return found
+        try:
+            return found.to_pandas()
+        except ImportError as error:
+            raise DependencyError(
+                "a pandas DataFrame is asked for, and pandas isn't installed",
+                fix="pip install pandas, or use the pyarrow tables",
+            ) from error
 
     @property
     def fingerprint(self) -> str:
@@ -304,11 +293,11 @@ class Evidence:
             return ""
         checked = self.manifest.get("checked") or {}
         outcome, why = checked.get("outcome", "not checked"), checked.get("why")
-        told = f"replay of episode {checked.get('episode')} {outcome}"
+        result = f"replay of episode {checked.get('episode')} {outcome}"
         if outcome == "not checked":
-            told = f"{outcome}: {why}"
+            result = f"{outcome}: {why}"
         return (
-            f"actions ({told}); for observations, infos and states: "
+            f"actions ({result}); for observations, infos and states: "
             f"gamekeeper expand {self.path or 'RUN'} OUT"
         )
 

@@ -300,8 +300,8 @@ def _figures(path: Path, run: Mapping[str, Any], played: Replay | None) -> list[
             recorded: Mapping[str, Any] = figures_of(load(path))
     except GamekeeperError:
         recorded = {}
-    is_told = played is not None and played.reason is None
-    verified = played.verified if is_told and played is not None else None
+    is_played = played is not None and played.reason is None
+    verified = played.verified if is_played and played is not None else None
     found = []
     for name, claimed in run["figures"].items():
         seen = recorded.get(name)
@@ -319,9 +319,9 @@ def _evaluated(
     """
     name = str(evaluation["name"])
     folders = {(env, pairing): str(run) for env, pairing, run in evaluation["runs"]}
-    told = [replays.get(run) for run in folders.values()]
-    is_told = all(each is not None and each.reason is None for each in told)
-    verified = all(each is not None and each.verified for each in told) if is_told else None
+    played = [replays.get(run) for run in folders.values()]
+    is_played = all(each is not None and each.reason is None for each in played)
+    verified = all(each is not None and each.verified for each in played) if is_played else None
     try:
         with guarded(place):
             document = document_in(Storage.at(place / EVALUATIONS / name))

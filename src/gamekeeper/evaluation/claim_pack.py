@@ -93,7 +93,10 @@ def pack(
     """
     named = [Path(each) for each in runs]
     evaluations = [each for each in named if (each / RESULT).is_file()]
-    found = {each: _evaluation(each) for each in evaluations}
+    found = {}
+    for each in evaluations:
+        document = document_in(Storage.at(each))
+        found[each] = document, runs_of(document, str(each))
     played = [each / run for each in evaluations for run in found[each][1].values()]
     folders = [each for each in named if each not in found] + played
     target = Path(out)
@@ -186,17 +189,6 @@ def _written(target: Path, claim: Mapping[str, Any], contents: Mapping[str, Cont
         len(contents),
         target.stat().st_size,
     )
-
-
-def _evaluation(folder: Path) -> tuple[dict[str, Any], dict[tuple[str, str], str]]:
-    """Document of an evaluation, and its runs' folders by environment and pairing.
-
-    Raises:
-        RunError: it recorded no runs.
-        EvidenceError: the document there is another.
-    """
-    document = document_in(Storage.at(folder))
-    return document, runs_of(document, str(folder))
 
 
 def figures_of(evidence: Evidence) -> dict[str, Any]:

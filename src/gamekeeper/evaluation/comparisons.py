@@ -8,10 +8,10 @@ import numpy as np
 from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.evaluation.crossplay import CrossplayTable, both_ways
 from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS, lost
-from gamekeeper.evaluation.estimates import FloatArray, Judge
-from gamekeeper.evaluation.results import Ground, Whom
+from gamekeeper.evaluation.estimates import Judge
+from gamekeeper.evaluation.results import Ground, Subject
 from gamekeeper.evaluation.spec import Spec
-from gamekeeper.statistics.interval import rounded
+from gamekeeper.statistics.interval import FloatArray, rounded
 from gamekeeper.statistics.significance import holm
 
 ALPHA: Final = 0.05
@@ -106,55 +106,52 @@ def _rows_of(
     """The rows of a pair; those that only repeat another row's differences are left out."""
     seen: list[FloatArray] = []
     metrics = (SUCCESS,) if ground.is_rivalry else (RETURN, SUCCESS)
-    for whom in ground.compared:
+    for subject in ground.compared:
         has_interval = False
         for metric in metrics:
-            if whom.scope == TEAM and metric == RETURN and not ground.has_team:
+            if subject.scope == TEAM and metric == RETURN and not ground.has_team:
                 continue
-            row = _row(spec, ground, judge, pair, whom, metric)
+            row = _row(spec, ground, judge, pair, subject, metric)
             if row is None:
                 continue
-            shape = _shape(ground, pair, whom, metric)
-            if metric == RETURN and any(_is_same(shape, other) for other in seen):
+            shape = _shape(ground, pair, subject, metric)
+            is_known = any(np.allclose(shape, other, rtol=0.0, atol=1e-12) for other in seen)
+            if metric == RETURN and shape.any() and is_known:
                 continue
             seen.append(shape)
-            repeats = has_interval and metric == SUCCESS and _is_threshold(ground, pair, whom)
+            repeats = has_interval and metric == SUCCESS and _is_threshold(ground, pair, subject)
             has_interval = (row["difference"] or {}).get("low") is not None
             yield {**row, "repeats": repeats}
 
 
-def _values(ground: Ground, pair: tuple[str, str], whom: Whom, metric: str) -> FloatArray:
+def _values(ground: Ground, pair: tuple[str, str], subject: Subject, metric: str) -> FloatArray:
     """[episodes] a figure of all runs of both policies, one after the other."""
     sheets = [sheet for name in pair for sheet in ground.runs_of(name)]
-    return np.concatenate([sheet.values(metric, whom.scope, whom.name) for sheet in sheets])
+    return np.concatenate([sheet.values(metric, subject.scope, subject.name) for sheet in sheets])
 
 
-def _shape(ground: Ground, pair: tuple[str, str], whom: Whom, metric: str) -> FloatArray:
+def _shape(ground: Ground, pair: tuple[str, str], subject: Subject, metric: str) -> FloatArray:
     """Figures without their unit: a team's sum and its only agent's return look the same."""
-    values = np.nan_to_num(_values(ground, pair, whom, metric), nan=0.0)
+    values = np.nan_to_num(_values(ground, pair, subject, metric), nan=0.0)
     largest = float(np.abs(values).max(initial=0.0))
     return np.asarray(values / largest if largest > 0 else values)
 
 
-def _is_same(one: FloatArray, two: FloatArray) -> bool:
-    return bool(one.any() and np.allclose(one, two, rtol=0.0, atol=1e-12))
-
-
-def _is_threshold(ground: Ground, pair: tuple[str, str], whom: Whom) -> bool:
+def _is_threshold(ground: Ground, pair: tuple[str, str], subject: Subject) -> bool:
     """True where an episode succeeded if, and only if, its return is over some number."""
-    returns, success = (_values(ground, pair, whom, metric) for metric in (RETURN, SUCCESS))
+    returns, success = (_values(ground, pair, subject, metric) for metric in (RETURN, SUCCESS))
     there = ~np.isnan(returns) & ~np.isnan(success)
     hits, misses = returns[there & (success == 1.0)], returns[there & (success == 0.0)]
     return not len(hits) or not len(misses) or bool(misses.max() < hits.min())
 
 
 def _row(
-    spec: Spec, ground: Ground, judge: Judge, pair: tuple[str, str], whom: Whom, metric: str
+    spec: Spec, ground: Ground, judge: Judge, pair: tuple[str, str], subject: Subject, metric: str
 ) -> dict[str, Any] | None:
     """A comparison; None where a policy doesn't play here or has no such figure."""
     a, b = pair
     sheets = [ground.runs_of(name) for name in pair]
-    ones, twos = ([s.values(metric, whom.scope, whom.name) for s in each] for each in sheets)
+    ones, twos = ([s.values(metric, subject.scope, subject.name) for s in each] for each in sheets)
     if not ones or not twos:
         return None
     of_all = list(zip([*sheets[0], *sheets[1]], [*ones, *twos], strict=True))
@@ -165,20 +162,20 @@ def _row(
     is_run = spec.unit != "episode" and any(spec.policies[name].is_method for name in pair)
     if not is_run and len(ones) + len(twos) > 2:
         return None  # runs of methods, each taken alone: there is no one difference
-    gone = lost(*(list(each) for each in zip(*of_all, strict=True)))
-    of = f"{metric} of {whom.name}, {a} and {b} in {ground.name}"
-    name = [ground.name, a, b, whom.scope, whom.name, metric]
+    broken = lost(*(list(each) for each in zip(*of_all, strict=True)))
+    of = f"{metric} of {subject.name}, {a} and {b} in {ground.name}"
+    name = [ground.name, a, b, subject.scope, subject.name, metric]
     is_share = metric == SUCCESS
     if is_run:
-        compared = judge.between_runs(ones, twos, of=of, name=name, lost=gone, is_share=is_share)
+        compared = judge.between_runs(ones, twos, of=of, name=name, lost=broken, is_share=is_share)
     else:
-        compared = judge.paired(ones[0], twos[0], of=of, name=name, lost=gone, is_share=is_share)
+        compared = judge.paired(ones[0], twos[0], of=of, name=name, lost=broken, is_share=is_share)
     return {
         "environment": ground.name,
         "a": a,
         "b": b,
-        "scope": whom.scope,
-        "who": whom.name,
+        "scope": subject.scope,
+        "who": subject.name,
         "metric": metric,
         "unit": "run" if is_run else "episode",
         **compared.to_json(),
@@ -192,11 +189,11 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
         begun: episodes that began differently for two policies on one seed, and of how many.
     """
     a, b = row["a"], row["b"]
-    whom = "" if row["scope"] == TEAM else f" of {row['who']}"
-    where = f"{row['environment']}: {row['metric']}{whom}"
-    difference, gone = row["difference"], row["broken"]
+    subject = "" if row["scope"] == TEAM else f" of {row['who']}"
+    where = f"{row['environment']}: {row['metric']}{subject}"
+    difference, broken = row["difference"], row["broken"]
     if difference is None:
-        if not gone:
+        if not broken:
             return f"{where}: {a} and {b} have no episode in common"
         return f"{where}: {a} and {b} can't be compared, {_whole(row)}"
     figure = signed(difference, is_share=row["metric"] == SUCCESS)
@@ -240,12 +237,12 @@ def _whole(row: Mapping[str, Any]) -> str:
 
 def _scope(spec: Spec, row: dict[str, Any], begun: tuple[int, int]) -> str:
     """Subject of the claim, and the number of units that it rests on."""
-    gone = f" ({_whole(row)})" if row["broken"] else ""
+    note = f" ({_whole(row)})" if row["broken"] else ""
     if row["unit"] == "episode":
         paired = "episodes that don't begin alike on one seed" if begun[0] else "paired episodes"
-        return f"about these two policies as they are, {row['n']} {paired}{gone}"
+        return f"about these two policies as they are, {row['n']} {paired}{note}"
     single = [name for name in (row["a"], row["b"]) if not spec.policies[name].is_method]
-    units = f"{row['n']} training runs on {row['episodes']} seeds{gone}"
+    units = f"{row['n']} training runs on {row['episodes']} seeds{note}"
     if single:
         return f"about the method and the one policy of {single[0]}, {units}"
     return f"about the methods, {units}"

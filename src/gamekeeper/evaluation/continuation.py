@@ -51,7 +51,15 @@ def settle_plan(
     elif names := storage.names():
         raise _occupied(storage, ", ".join(names[:3]))
     if before and storage.exists(RESULT):
-        _refuse_loss(list(_lost(document_in(storage), spec, matches)), storage)
+        lost = list(_lost(document_in(storage), spec, matches))
+        if lost:
+            raise RunError(
+                "the folder holds results of another evaluation, which would be lost",
+                where=str(storage),
+                expected="at least the episodes, environments and policies that are there",
+                actual="; ".join(lost),
+                fix="name another folder with --out (out=...), or delete this one to start anew",
+            )
     storage.put(PLAN, json.dumps(plan, sort_keys=True, indent=1).encode())
     return list(_changes(before, plan)) if before else []
 
@@ -101,7 +109,10 @@ def _lost(before: Mapping[str, Any], spec: Spec, matches: Sequence[Match]) -> It
         runs = [plain_of(dict(each)) for each in policy.runs]
         if runs[: len(was["choices"])] != was["choices"]:
             yield f"policy {name} as {_players(was['choices'])}, now {_players(runs)}"
-    met = {(match.environment, frozenset(_positioned(match))) for match in matches}
+    met = {
+        (match.environment, frozenset((at, side.policy) for at, side in match.pairing.sides))
+        for match in matches
+    }
     for name, each in before.get("crossplay", {}).items():
         positioned = (
             frozenset(cell["roles"].items()) for cell in each["cells"] if cell["kind"] != SELF
@@ -110,30 +121,9 @@ def _lost(before: Mapping[str, Any], spec: Spec, matches: Sequence[Match]) -> It
             yield f"cross-play in {name}, now without all of its pairings"
 
 
-def _positioned(match: Match) -> Iterator[tuple[str, str]]:
-    """The policies by position."""
-    return ((position, side.policy) for position, side in match.pairing.sides)
-
-
 def _players(runs: Sequence[Any]) -> str:
     """Policies by position, of one run or of several."""
     return json.dumps(runs[0] if len(runs) == 1 else runs)[:200]
-
-
-def _refuse_loss(lost: Sequence[str], storage: Storage) -> None:
-    """Refuses to write over results of another evaluation.
-
-    Raises:
-        RunError: this call wouldn't have all of them.
-    """
-    if lost:
-        raise RunError(
-            "the folder holds results of another evaluation, which would be lost",
-            where=str(storage),
-            expected="at least the episodes, environments and policies that are there",
-            actual="; ".join(lost),
-            fix="name another folder with --out (out=...), or delete this one to start anew",
-        )
 
 
 def _read_plan(storage: Storage) -> dict[str, Any]:

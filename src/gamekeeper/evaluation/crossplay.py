@@ -1,4 +1,4 @@
-"""Cross-play: cells by who sits where, gaps to the best response, and who gains by going first."""
+"""Cross-play: cells by policies and positions, gaps to best responses, the first mover's lead."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from gamekeeper.episodes.outcome import EACH, TEAM
 from gamekeeper.evaluation.episode_rows import RETURN, ROLE, Sheet
-from gamekeeper.evaluation.estimates import Compared, FloatArray, Judge
+from gamekeeper.evaluation.estimates import Compared, Judge
 from gamekeeper.evaluation.matchups import ZERO_SHOT, Checkpoint, Pairing
 from gamekeeper.evaluation.results import Ground
 from gamekeeper.evaluation.spec import EVERYONE, Spec
+from gamekeeper.statistics.interval import FloatArray
 from gamekeeper.statistics.significance import holm
 from gamekeeper.statistics.training_runs import MeetingLuck, luck_of_meetings
 
@@ -28,7 +29,7 @@ class CrossplayTable:
 
     Attributes:
         positions: roles, agents, or `*` for the others.
-        pairings: who sits where, and the figures of it.
+        pairings: line-ups, each with its figures.
     """
 
     spec: Spec
@@ -38,7 +39,7 @@ class CrossplayTable:
     judge: Judge
 
     def positioned(self, pairing: Pairing) -> dict[str, Checkpoint]:
-        """The sides by position, also of who plays by itself."""
+        """The sides by position, also of a policy that plays by itself."""
         given = dict(pairing.sides)
         return {
             position: given.get(position, given.get(EVERYONE, Checkpoint("")))
@@ -46,7 +47,7 @@ class CrossplayTable:
         }
 
     def value(self, sheet: Sheet, position: str) -> FloatArray:
-        """[episodes] what counts in a position: the team's return, else the position's own."""
+        """[episodes] the return that counts in a position: the team's, else the position's own."""
         if self.ground.has_team:
             return sheet.values(RETURN, TEAM, TEAM)
         return self.of_position(sheet, position)
@@ -80,9 +81,13 @@ def crossplay_of(table: CrossplayTable) -> dict[str, Any]:
     """The cross-play of an environment, as the document has it."""
     ego = TEAM if table.ground.has_team else table.positions[0]
     best, fair = _best_responses(table), _fairness(table)
-    _correct(
-        [*(gap for row in best for gap in row["gap"].values()), *(r["difference"] for r in fair)]
-    )
+    found = [
+        *(gap for row in best for gap in row["gap"].values()),
+        *(r["difference"] for r in fair),
+    ]
+    tested = [each for each in found if each is not None and each.get("p") is not None]
+    for each, p in zip(tested, holm([each["p"] for each in tested]), strict=True):
+        each |= {"p": p, "p_alone": each["p"], "tests": len(tested)}
     return {
         "roles": list(table.positions),
         "policies": list(table.spec.policies),
@@ -97,13 +102,6 @@ def crossplay_of(table: CrossplayTable) -> dict[str, Any]:
     }
 
 
-def _correct(found: Sequence[dict[str, Any] | None]) -> None:
-    """Corrects the p-values of best responses and of both ways of sitting, for their number."""
-    tested = [each for each in found if each is not None and each.get("p") is not None]
-    for each, p in zip(tested, holm([each["p"] for each in tested]), strict=True):
-        each |= {"p": p, "p_alone": each["p"], "tests": len(tested)}
-
-
 def _cell(
     table: CrossplayTable,
     positioned: Mapping[str, str],
@@ -115,13 +113,13 @@ def _cell(
     name = ["crossplay", table.ground.name, *positioned.values(), kind]
     of = f"{' with '.join(dict.fromkeys(positioned.values()))} in {table.ground.name}"
     methods = [p for p in dict.fromkeys(positioned.values()) if table.spec.policies[p].is_method]
-    gone = _lost(values)
+    broken = _lost(values)
     if not methods:
-        found = table.judge.episodes(values[0], "mean", of=of, name=name, lost=gone)
+        found = table.judge.episodes(values[0], "mean", of=of, name=name, lost=broken)
         n = int((~np.isnan(values[0])).sum())
     elif len(methods) == 1 and kind != ZERO_SHOT:
         by_run = list(_by_run(table, methods[0], members, values).values())
-        found = table.judge.runs(by_run, "mean", of=of, name=name, lost=gone)
+        found = table.judge.runs(by_run, "mean", of=of, name=name, lost=broken)
         n = len(by_run)
     else:
         runs = [_by_run(table, method, members, values) for method in methods]
@@ -132,7 +130,7 @@ def _cell(
             [side.run for side in table.positioned(pairing).values()] for pairing, _ in members
         ]
         luck = _luck([(met[0], met[-1]) for met in runs_met], values)
-        found = table.judge.meetings(blocks, times=times, luck=luck, of=of, lost=gone)
+        found = table.judge.meetings(blocks, times=times, luck=luck, of=of, lost=broken)
     mean = found or {"value": None, "low": None, "high": None}
     return {
         "roles": dict(positioned),
@@ -141,7 +139,7 @@ def _cell(
         "unit": "run" if methods else "episode",
         "pairings": len(members),
         "episodes": sum(len(sheet.episodes) for _, sheet in members),
-        "broken": gone,
+        "broken": broken,
         "mean": mean["value"],
         "low": mean["low"],
         "high": mean["high"],
@@ -296,13 +294,13 @@ class Duel:
         """By how much the one is above the other.
 
         Args:
-            of: whom a refusal names.
+            of: subject that a refusal names.
             name: of the random stream.
         """
         pairs = list(self.meetings.values())
-        gone = _lost([figures for pair in pairs for figures in pair])
+        broken = _lost([figures for pair in pairs for figures in pair])
         if not any(self.methods):
-            return judge.paired(*pairs[0], of=of, name=name, lost=gone)
+            return judge.paired(*pairs[0], of=of, name=name, lost=broken)
         by_run: list[dict[int, list[FloatArray]]] = [{}, {}]
         for runs, (one, two) in self.meetings.items():
             for side, run in zip(by_run, runs, strict=True):
@@ -314,9 +312,9 @@ class Duel:
         ]
         leads = [one - two for one, two in pairs]
         luck = _luck(list(self.meetings), leads) if all(self.methods) else None
-        found = judge.meetings(blocks, luck=luck, of=of, lost=gone)
+        found = judge.meetings(blocks, luck=luck, of=of, lost=broken)
         total = len(pairs[0][0])
-        return Compared(found, None, min(map(len, blocks)), total, gone, total - gone)
+        return Compared(found, None, min(map(len, blocks)), total, broken, total - broken)
 
 
 def both_ways(table: CrossplayTable) -> dict[tuple[str, str], Duel]:
@@ -367,8 +365,8 @@ def _swapped(
             leads[0], "mean", of=of, name=name, lost=_lost(leads)
         )
         if pair[0] != pair[1]:
-            gone = _lost([ones[0], twos[0]])
-            compared = table.judge.paired(ones[0], twos[0], of=of, name=name, lost=gone)
+            broken = _lost([ones[0], twos[0]])
+            compared = table.judge.paired(ones[0], twos[0], of=of, name=name, lost=broken)
             row["difference"] = compared.difference
         return row
     value = {"value": _mean(leads), "low": None, "high": None, "method": None}

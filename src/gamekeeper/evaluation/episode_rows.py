@@ -16,6 +16,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import EACH, TEAM, Outcome, failed, figures, members_of
+from gamekeeper.statistics.interval import FloatArray
 
 REWARD: Final = "reward."
 INFO: Final = "info."
@@ -73,17 +74,14 @@ class Success:
             ContractError: a condition names a figure that the episode doesn't have.
         """
         if not self._wanted:
-            told = failed(outcome, self._contract.failure, self._contract)
-            return {scope: not each for scope, each in told.items()}
+            failures = failed(outcome, self._contract.failure, self._contract)
+            return {scope: not each for scope, each in failures.items()}
         answers: dict[str, bool] = {}
         for scope, condition in self._wanted.items():
-            whom = list(outcome.returns) if scope == EACH else [scope]
-            for each in whom:
+            for each in list(outcome.returns) if scope == EACH else [scope]:
                 members = members_of(each, outcome.returns, self._contract)
-                holds = outcome.error is None and condition.holds(
-                    figures(outcome, members, self._contract)
-                )
-                answers[each] = holds
+                values = figures(outcome, members, self._contract)
+                answers[each] = outcome.error is None and condition.holds(values)
         return answers
 
 
@@ -107,18 +105,18 @@ def rows_of(
         lengths: decisions by agent.
         success: says whether it succeeded.
         contract: has the roles and the reward terms.
-        roster: who stands in the rows of an episode that an exception broke off in its reset.
+        roster: agents in the rows of an episode that an exception broke off in its reset.
         infos: fields of the last infos that are kept.
     """
     outcome = finite_of(outcome)
-    told = success.of(outcome)
+    successes = success.of(outcome)
     is_whole = outcome.error is None
     rows = []
     for agent in outcome.returns or dict.fromkeys(roster, 0.0) or {"": 0.0}:
         role = contract.role_of(agent) or role_in_name(agent)
         side = sides.get(agent) or sides.get(role) or sides["*"]
-        own = told.get(agent) if EACH in success.scopes or agent in success.scopes else None
-        answers = [own, told.get(role), told.get(TEAM)]
+        own = successes.get(agent) if EACH in success.scopes or agent in success.scopes else None
+        answers = [own, successes.get(role), successes.get(TEAM)]
         flag = outcome.flags.get(agent, "cut")
         row = {
             **label,
@@ -207,8 +205,6 @@ class Fingerprint:
         return whole.hexdigest()
 
 
-FloatArray = NDArray[np.float64]
-
 RETURN, LENGTH, SUCCESS = "return", "length", "success"
 ROLE: Final = "role"
 
@@ -249,11 +245,11 @@ class Sheet:
             values = pc.cast(self.table[name], pa.float64()).to_numpy()
             found[self.places] = values
         if name == RETURN and self.failed_return is not None:
-            found[~np.isnan(self._is_broken())] = self.failed_return
+            found[self._is_broken()] = self.failed_return
         return found
 
     def members(self, scope: str, who: str) -> list[int]:
-        """The columns of those in a scope."""
+        """The columns of the agents in a scope."""
         if scope == TEAM:
             return list(range(len(self.agents)))
         names = self.roles if scope == ROLE else self.agents
@@ -293,7 +289,7 @@ class Sheet:
     @property
     def broken(self) -> NDArray[np.bool_]:
         """[episodes] whether it broke off."""
-        return np.asarray(~np.isnan(_first(self._is_broken())))
+        return np.asarray(self._is_broken().any(axis=1))
 
     @property
     def ended(self) -> NDArray[np.bool_]:
@@ -306,18 +302,16 @@ class Sheet:
     @property
     def resets(self) -> list[str | None]:
         """[episodes] digests of the first observations; None where there is none."""
-        if "reset" not in self.table.schema.names:
-            return [None] * len(self.episodes)
         found: list[str | None] = [None] * len(self.episodes)
-        for place, text in zip(
-            self.places[0].tolist(), self.table["reset"].to_pylist(), strict=True
-        ):
-            found[place] = text
+        if "reset" in self.table.schema.names:
+            texts = self.table["reset"].to_pylist()
+            for place, text in zip(self.places[0].tolist(), texts, strict=True):
+                found[place] = text
         return found
 
-    def _is_broken(self) -> FloatArray:
-        found = np.full((len(self.episodes), len(self.agents)), np.nan)
-        found[self.places] = np.where(pc.is_valid(self.table["error"]).to_numpy(), 1.0, np.nan)
+    def _is_broken(self) -> NDArray[np.bool_]:
+        found = np.zeros((len(self.episodes), len(self.agents)), np.bool_)
+        found[self.places] = pc.is_valid(self.table["error"]).to_numpy()
         return found
 
     def endings(self, scope: str = TEAM, who: str = TEAM) -> dict[str, Any]:
@@ -357,8 +351,8 @@ class Sheet:
 
 def lost(sheets: Sequence[Sheet], values: Sequence[FloatArray]) -> int:
     """Number of seeds on which a sheet has no figure because its episode broke off."""
-    gone = [np.isnan(figures) & sheet.broken for sheet, figures in zip(sheets, values, strict=True)]
-    return int(np.any(gone, axis=0).sum())
+    each = [np.isnan(figures) & sheet.broken for sheet, figures in zip(sheets, values, strict=True)]
+    return int(np.any(each, axis=0).sum())
 
 
 def sheets_of(table: pa.Table) -> dict[tuple[str, str], Sheet]:

@@ -8,11 +8,16 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import Aggregate, aggregate, improvement, over_environments
-from gamekeeper.statistics.interval import FEWEST_EPISODES, Interval, Statistic, no_spread
+from gamekeeper.statistics.interval import (
+    FEWEST_EPISODES,
+    FloatArray,
+    Interval,
+    Statistic,
+    no_spread,
+)
 from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import PairedEffect, paired_effect, sign_test
 from gamekeeper.statistics.resampling import interquartile_mean
@@ -24,8 +29,6 @@ from gamekeeper.statistics.training_runs import (
     over_meetings,
     over_runs,
 )
-
-FloatArray = NDArray[np.float64]
 
 MOST_BROKEN: Final = 0.05
 """Part of the episodes that may have broken off where the others stand for all."""
@@ -88,10 +91,10 @@ class Judge:
     def refused(self) -> list[dict[str, str]]:
         """Refused claims, each with its reason; those with the same reason and subjects as one."""
         found: dict[tuple[str, str], list[str]] = {}
-        for (what, why), whom in self._refused.items():
+        for (what, why), subjects in self._refused.items():
             names = [
                 f"{name} ({', '.join(seen)})" if seen else name
-                for name, seen in whom.items()
+                for name, seen in subjects.items()
                 if name
             ]
             named = ", ".join(names[:MOST_NAMED])
@@ -103,16 +106,16 @@ class Judge:
             for (named, why), what in found.items()
         ]
 
-    def refuse(self, what: str, why: str, whom: str = "", actual: str = "") -> None:
+    def refuse(self, what: str, why: str, subject: str = "", actual: str = "") -> None:
         """Notes a refusal.
 
         Args:
             what: was asked for.
             why: it is refused.
-            whom: it is about.
+            subject: it is about.
             actual: what was there in place of what an interval asks for.
         """
-        seen = self._refused.setdefault((what, why), {}).setdefault(whom, {})
+        seen = self._refused.setdefault((what, why), {}).setdefault(subject, {})
         if actual:
             seen.setdefault(actual)
 
@@ -135,7 +138,7 @@ class Judge:
 
         Args:
             values: [episodes] NaN where an episode has none.
-            of: whom a refusal names.
+            of: subject that a refusal names.
             name: of the random stream.
             lost: episodes without a value because they broke off.
         """
@@ -297,7 +300,7 @@ class Judge:
             blocks: by method [runs, episodes], of each run the mean over its meetings.
             times: what a run's mean is enlarged by: in how many positions its method sits.
             luck: of single meetings, where runs vary in both positions.
-            of: whom a refusal names.
+            of: subject that a refusal names.
             lost: seeds on which a meeting broke off.
         """
         total = blocks[0].shape[1]

@@ -12,7 +12,7 @@ from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.row_tables import html_table, text_lines
 from gamekeeper.errors import EvidenceError
 from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS, Sheet
-from gamekeeper.evaluation.results import Ground, Whom
+from gamekeeper.evaluation.results import Ground, Subject
 from gamekeeper.evaluation.spec import Spec
 
 KIND: Final = "evaluation"
@@ -29,9 +29,9 @@ class Evaluation:
         level: of all intervals.
         environments: by name: spec, arguments, digest, version, API, roles.
         policies: by name: how many runs, their digests, whether it is a method.
-        results: a row for each environment, policy, run (None: over runs), whom and metric.
+        results: a row for each environment, policy, run (None: over runs), subject and metric.
         comparisons: pairs of policies on the same seeds.
-        curves: learning curves by name: a row for each environment, step, whom and metric.
+        curves: learning curves by name: a row for each environment, step, subject and metric.
         overall: over all environments: aggregates of scores that share a scale, and who is above.
         crossplay: by environment: cells, best responses, fairness.
         stopping: how it was decided that enough was played; None: by number.
@@ -97,7 +97,7 @@ class Evaluation:
 
     @legible
     def rows(self) -> list[list[str]]:
-        """A heading and a row for each policy and whom its return is of, as texts."""
+        """A heading and a row for each policy and subject of its return, as texts."""
         head = ["environment", "policy", "of", "return", "interval", "success"]
         return [head, *(_texts(row) for row in self.results if is_headline(row))]
 
@@ -169,15 +169,15 @@ def _runs_of(ground: Ground, points: Mapping[int, str]) -> dict[str, Any]:
 def _scores(ground: Ground, sheet: Sheet) -> dict[str, list[float]]:
     return {
         name: [float(value) for value in values]
-        for whom in ground.compared
+        for subject in ground.compared
         for metric in (RETURN, SUCCESS)
-        if metric == SUCCESS or whom.scope != TEAM or ground.has_team
-        for name, values in (_metric(sheet, whom, metric),)
+        if metric == SUCCESS or subject.scope != TEAM or ground.has_team
+        for name, values in (_metric(sheet, subject, metric),)
         if len(values)
     }
 
 
-def _metric(sheet: Sheet, whom: Whom, metric: str) -> tuple[str, Any]:
-    values = sheet.values(metric, whom.scope, whom.name)
-    name = metric if whom.scope == TEAM else f"{metric}_{whom.name}"
+def _metric(sheet: Sheet, subject: Subject, metric: str) -> tuple[str, Any]:
+    values = sheet.values(metric, subject.scope, subject.name)
+    name = metric if subject.scope == TEAM else f"{metric}_{subject.name}"
     return name, values[~np.isnan(values)]

@@ -104,9 +104,11 @@ def evaluate(
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
         is_here = workers == 0 and executor == "local"
-        player = _executor(executor, workers)
         if isinstance(executor, str):
+            player = InProcessExecutor() if is_here else executor_of(executor, workers or None)
             stack.enter_context(player)
+        else:
+            player = executor
         limits, take = Limits(silence_s=timeout_s), on_message or (lambda fields: None)
         evaluation_run = EvaluationRun(
             whole, player, is_here, Storage.at(storage or folder), limits, take
@@ -144,7 +146,7 @@ def _write(path: Path, text: str) -> None:
 def inspected(
     spec: object, *, timeout_s: float | None = SILENCE_S
 ) -> tuple[Spec, dict[str, Inspection]]:
-    """A specification, and what its environments and policies are as they are installed here.
+    """A specification, and its environments and policies as they are installed here.
 
     Raises:
         SpecError: it can't be read, or an environment can't be opened.
@@ -152,15 +154,9 @@ def inspected(
     """
     whole = spec_of(spec)
     with tempfile.TemporaryDirectory() as folder, executor_of("local", 1) as player:
-        evaluation_run = EvaluationRun(
-            whole,
-            player,
-            False,
-            Storage.at(folder),
-            Limits(silence_s=timeout_s),
-            lambda fields: None,
-        )
-        return whole, evaluation_run.inspections()
+        limits = Limits(silence_s=timeout_s)
+        run = EvaluationRun(whole, player, False, Storage.at(folder), limits, lambda fields: None)
+        return whole, run.inspections()
 
 
 def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
@@ -171,16 +167,6 @@ def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
         EvidenceError: the document there is another.
     """
     return Evaluation.from_json(document_in(Storage.at(folder)))
-
-
-def _executor(executor: str | Executor, workers: int) -> Executor:
-    if not isinstance(executor, str):
-        return executor
-    return (
-        InProcessExecutor()
-        if workers == 0 and executor == "local"
-        else executor_of(executor, workers or None)
-    )
 
 
 def _evaluated(
@@ -199,7 +185,7 @@ def _evaluated(
     stopping = None if spec.stop is None else Stopping(spec, inspections)
     episodes, played = _played(spec, evaluation_run, matches, stopping)
     note(_said_of(played, episodes * len(matches)))
-    table, told = evaluation_run.merge(matches, episodes)
+    table, merged = evaluation_run.merge(matches, episodes)
     evidence = evaluation_run.keep(matches, episodes) if spec.record else []
     figures, grounds, judge = judged_of(spec, inspections, matches, table)
     stopped = None if stopping is None else stopping.to_json(episodes)
@@ -229,7 +215,7 @@ def _evaluated(
         claims=tuple(claims_of(figures["comparisons"])),
         notes=tuple(notes),
         episodes=episodes,
-        fingerprint=told["fingerprint"],
+        fingerprint=merged["fingerprint"],
         evidence=tuple(evidence),
         spec=spec.to_json(),
         **figures,
@@ -247,7 +233,10 @@ def judged_of(
         knows what was refused.
     """
     judge = Judge(spec.level, spec.seed)
-    sheets = _sheets(spec, table)
+    sheets = {
+        key: replace(sheet, failed_return=spec.environments[key[0]].failed_return)
+        for key, sheet in sheets_of(table).items()
+    }
     grounds = _grounds(spec, inspections, matches, sheets)
     results = [row for ground in grounds for row in results_of(spec, ground, judge)]
     tables = _tables(spec, grounds, matches, sheets, judge)
@@ -260,14 +249,6 @@ def judged_of(
         "overall": overall_of(spec, grounds, judge),
     }
     return figures, grounds, judge
-
-
-def _sheets(spec: Spec, table: pa.Table) -> dict[tuple[str, str], Sheet]:
-    """Sheets of all environments and line-ups, each with its environment's failed return."""
-    return {
-        key: replace(sheet, failed_return=spec.environments[key[0]].failed_return)
-        for key, sheet in sheets_of(table).items()
-    }
 
 
 def _keep_payoffs(crossed: Mapping[str, Mapping[str, Any]], storage: Storage) -> None:
@@ -310,7 +291,7 @@ def _played(
         for match in alone:
             sheet = sheets_of(_since(table, match, first))[match.environment, match.pairing.name]
             side = match.pairing.side
-            assert side is not None, "who plays by itself has one side"
+            assert side is not None, "a policy that plays by itself has one side"
             stopping.take(match.environment, side, sheet)
         if stopping.is_enough() or last >= spec.stop.most:
             return last, played

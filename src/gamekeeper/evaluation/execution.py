@@ -45,10 +45,10 @@ OnMessage = Callable[[dict[str, Any]], None]
 
 @dataclass(slots=True)
 class EvaluationRun:
-    """Plan of the episode of an evaluation: environments, policies, storage.
+    """The parts of an evaluation on an executor: inspections, episodes, merge, recorded runs.
 
     Attributes:
-        is_here: it is this process, so that objects needn't be named.
+        is_here: this process plays, so that objects needn't be named.
         storage: takes parts and the merged table.
         on_message: takes `episode` and `episodes` as they are played.
     """
@@ -143,8 +143,8 @@ class EvaluationRun:
         keys = [match.key(a, b) for match in matches for a, b in chunks(0, last)]
         arguments = {"place": self.storage.place, "keys": keys}
         with self._done([WorkTask("merge", MERGE, arguments)]) as ends:
-            (told,) = [self._value(done) for done in ends]
-        return pq.read_table(pa.BufferReader(self.storage.get(EPISODES))), told
+            (merged,) = [self._value(done) for done in ends]
+        return pq.read_table(pa.BufferReader(self.storage.get(EPISODES))), merged
 
     def keep(self, matches: Sequence[Match], last: int) -> list[dict[str, Any]]:
         """Runs of all pairings, for replay.
@@ -185,7 +185,7 @@ class EvaluationRun:
         """Value that a task returned.
 
         Raises:
-            GamekeeperError: it says that something was in the way, or didn't return.
+            GamekeeperError: it returned an error, or didn't return.
             KeyboardInterrupt: it was interrupted.
         """
         if done.outcome.status == "interrupted":

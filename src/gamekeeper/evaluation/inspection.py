@@ -1,5 +1,6 @@
 """Inspection of an environment and its policies without a step: a task for a worker."""
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -58,17 +59,17 @@ def environment_version(env: Any) -> str | None:
 
 
 def policy_digest(chosen: Mapping[str, Chosen], files: Iterable[str] = ()) -> str:
-    """The digest of who plays.
+    """The digest of the policies that play.
 
     Args:
-        chosen: policies by whom they play.
+        chosen: policies by agent, role or `*`.
         files: more files whose bytes count.
     Raises:
         PolicyError: a file can't be read.
     """
     rows = [
-        [whom, _named(one.name), one.version, source_digest([one.policy]), _file_named(one.name)]
-        for whom, one in sorted(chosen.items())
+        [place, _named(one.name), one.version, source_digest([one.policy]), _file_named(one.name)]
+        for place, one in sorted(chosen.items())
     ]
     return digest_of([rows, [file_digest(name) for name in files]])
 
@@ -81,9 +82,7 @@ def file_digest(name: str) -> str:
     """
     try:
         with Path(name).expanduser().open("rb") as file:
-            digest = blake2b(digest_size=SIZE)
-            while chunk := file.read(1 << 20):
-                digest.update(chunk)
+            return hashlib.file_digest(file, lambda: blake2b(digest_size=SIZE)).hexdigest()
     except OSError as error:
         raise PolicyError(
             "a file of a policy can't be read",
@@ -92,7 +91,6 @@ def file_digest(name: str) -> str:
             actual=error.strerror or type(error).__name__,
             fix="check the path, and that the file may be read",
         ) from None
-    return digest.hexdigest()
 
 
 def _named(name: str) -> str:
@@ -122,7 +120,7 @@ class Inspection:
 
     Attributes:
         digest, version, api: of the environment.
-        roles: of each agent that may play, in the order of the roster.
+        roles: of each possible agent, in the order of the roster.
         contract: as plain data; None where none is declared.
         policies: digests by name, one a run.
     """
@@ -141,7 +139,7 @@ class Inspection:
 
     @property
     def role_names(self) -> tuple[str, ...]:
-        """The roles of those who may play, in the order of the roster."""
+        """The roles of the possible agents, in the order of the roster."""
         return tuple(dict.fromkeys(self.roles.values()))
 
     def members(self, role: str) -> tuple[str, ...]:
@@ -205,11 +203,11 @@ def opened_with(opening: Mapping[str, Any]) -> tuple[Opened, Contract | None]:
     """
     kwargs: Any = given(opening["kwargs"])
     opened = open_env(opening["spec"], **kwargs)
-    told = opening["contract"]
+    contract = opening["contract"]
     try:
-        if isinstance(told, Mapping):
-            told = Contract.from_json(told)
-        return opened, declared_contract(told, opened)
+        if isinstance(contract, Mapping):
+            contract = Contract.from_json(contract)
+        return opened, declared_contract(contract, opened)
     except BaseException:
         opened.env.close()
         raise
@@ -217,7 +215,7 @@ def opened_with(opening: Mapping[str, Any]) -> tuple[Opened, Contract | None]:
 
 def choices_of(choices: Choices, spec: Spec) -> dict[str, Any]:
     """Policies, as they are found from here."""
-    return {whom: placed(choice, spec.folder) for whom, choice in choices.items()}
+    return {place: placed(choice, spec.folder) for place, choice in choices.items()}
 
 
 def inspect_task(
@@ -231,8 +229,8 @@ def inspect_task(
     """Opens an environment and finds its policies.
 
     Args:
-        policies: by name, of each run who plays.
-        files: by name, whose bytes count too.
+        policies: by name, the choices of each run.
+        files: by name, files whose bytes count too.
     Returns:
         The fields of an `Inspection`; or those of the `error` that was in the way.
     """
@@ -266,7 +264,7 @@ def inspect_env(
             for choices in runs:
                 report()
                 joint_policy = joint_policy_of(dict(choices), env, contract)
-                chosen = {whom: joint_policy.chosen_for(whom) for whom in choices}
+                chosen = {place: joint_policy.chosen_for(place) for place in choices}
                 found.append(policy_digest(chosen, files.get(name, ())))
             digests[name] = tuple(found)
         return Inspection(

@@ -107,7 +107,7 @@ def _positions_fix(unplaced: Sequence[str], strange: Sequence[str]) -> str:
 def crossed(
     spec: Spec, environment: str, inspection: Inspection, positions: tuple[str, ...]
 ) -> list[Pairing]:
-    """Every policy in every position with every partner in all other positions; nobody alone.
+    """Every policy in every position with every partner in all other positions; no policy alone.
 
     Raises:
         EvidenceError: there are more than `MOST_CELLS`.
@@ -180,14 +180,14 @@ def _pairing(spec: Spec, environment: str, inspection: Inspection, sides: Sides)
     return Pairing(name, sides, choices)
 
 
-def _choice(table: Mapping[str, Any], side: Checkpoint, *whom: str) -> Any:
-    for each in (*whom, EVERYONE):
+def _choice(table: Mapping[str, Any], side: Checkpoint, *places: str) -> Any:
+    for each in (*places, EVERYONE):
         if each in table:
             return table[each]
     raise PolicyError(
-        f"policy {side.policy!r} names no policy for {whom[0]!r}",
+        f"policy {side.policy!r} names no policy for {places[0]!r}",
         where=f"policies.{side.policy}",
-        expected=" or ".join([*whom, "'*'"]),
+        expected=" or ".join([*places, "'*'"]),
         actual=", ".join(table),
         fix="name a policy for every role that it is to play in cross-play",
     )

@@ -1,5 +1,6 @@
 """Results of every policy: for the team, for roles, for every agent, metric by metric."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -11,12 +12,12 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.opposition import opponents
 from gamekeeper.episodes.outcome import EACH, TEAM
 from gamekeeper.evaluation.episode_rows import RETURN, REWARD, ROLE, SUCCESS, Sheet, lost
-from gamekeeper.evaluation.estimates import FloatArray, Judge, shared
+from gamekeeper.evaluation.estimates import Judge, shared
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import Checkpoint, Pairing
 from gamekeeper.evaluation.spec import Spec
 from gamekeeper.statistics.aggregates import AGGREGATES, aggregate, profile
-from gamekeeper.statistics.interval import STATISTICS
+from gamekeeper.statistics.interval import STATISTICS, FloatArray
 
 QUANTILES: Final = (0.05, 0.25, 0.75, 0.95)
 MOST_AGENTS: Final = 32
@@ -29,7 +30,7 @@ CANCELS: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Whom:
+class Subject:
     """Subject of a figure: the team, a role, or an agent."""
 
     scope: str
@@ -69,23 +70,25 @@ class Ground:
         return [sheet for side, sheet in self.sheets.items() if side.policy == policy]
 
     @property
-    def whom(self) -> list[Whom]:
+    def subjects(self) -> list[Subject]:
         """The team, roles whose agents are interchangeable, and agents."""
-        found = [Whom(TEAM, TEAM), *(Whom(ROLE, role) for role in self.pooled)]
+        found = [Subject(TEAM, TEAM), *(Subject(ROLE, role) for role in self.pooled)]
         agents = dict.fromkeys(agent for sheet in self.sheets.values() for agent in sheet.agents)
-        return [*found, *(Whom(EACH, agent) for agent in list(agents)[:MOST_AGENTS] if agent)]
+        return [*found, *(Subject(EACH, agent) for agent in list(agents)[:MOST_AGENTS] if agent)]
 
     @property
-    def compared(self) -> list[Whom]:
+    def compared(self) -> list[Subject]:
         """Subjects of comparison: the team, roles, and agents that have no role together.
 
         Where returns cancel, the team has no return, but may have succeeded.
         """
         pooled = self.pooled
         alone = [
-            Whom(EACH, agent) for agent, role in self.inspection.roles.items() if role not in pooled
+            Subject(EACH, agent)
+            for agent, role in self.inspection.roles.items()
+            if role not in pooled
         ]
-        return [each for each in self.whom if each.scope != EACH] + alone[:MOST_AGENTS]
+        return [each for each in self.subjects if each.scope != EACH] + alone[:MOST_AGENTS]
 
     @property
     def pooled(self) -> list[str]:
@@ -121,9 +124,9 @@ def ground_of(
     sheets = [sheet for _, sheet in lineups]
     declared = any(term.kind == ZERO_SUM for term in inspection.declared.rewards.values())
     total = 0.0 if declared else constant_sum(sheets)
-    told = spec.environments[name].team
-    against = opposed(sheets) if total is None and told is None else None
-    is_team = (total is None and against is None) if told is None else told
+    team = spec.environments[name].team
+    against = opposed(sheets) if total is None and team is None else None
+    is_team = (total is None and against is None) if team is None else team
     return Ground(
         name,
         inspection,
@@ -236,32 +239,32 @@ def _rows(
             "have no return (failed_return in the specification gives them one)",
             f"{of} in {ground.name} ({broken})",
         )
-    for whom in ground.whom:
+    for subject in ground.subjects:
         is_first = True  # success and endings stand in one row of each
-        cancels = whom.scope == TEAM and not ground.has_team
+        cancels = subject.scope == TEAM and not ground.has_team
         for metric in sheets[0].metrics(spec.terms, spec.infos):
             if cancels and metric.startswith((RETURN, REWARD)):
                 continue
-            scores = [sheet.values(metric, whom.scope, whom.name) for sheet in sheets]
+            scores = [sheet.values(metric, subject.scope, subject.name) for sheet in sheets]
             if all(np.isnan(each).all() for each in scores):
                 continue
             where = {
                 "environment": ground.name,
                 "policy": policy,
                 "run": run,
-                "scope": whom.scope,
-                "who": whom.name,
+                "scope": subject.scope,
+                "who": subject.name,
                 "metric": metric,
             }
-            is_rare = whom.scope == EACH and any(np.isnan(each).any() for each in scores)
-            named = f"{whom.name if is_rare else of} in {ground.name}"
-            gone = lost(sheets, scores)
-            found = _figures(judge, scores, list(where.values()), named, run, gone)
+            is_rare = subject.scope == EACH and any(np.isnan(each).any() for each in scores)
+            named = f"{subject.name if is_rare else of} in {ground.name}"
+            lost_seeds = lost(sheets, scores)
+            found = _figures(judge, scores, list(where.values()), named, run, lost_seeds)
             yield {
                 **where,
                 **found,
-                "success": _success(judge, sheets, whom, run, of) if is_first else None,
-                "endings": _endings(sheets, whom) if is_first else None,
+                "success": _success(judge, sheets, subject, run, of) if is_first else None,
+                "endings": _endings(sheets, subject) if is_first else None,
             }
             is_first = False
 
@@ -272,7 +275,7 @@ def _figures(
     name: Sequence[object],
     of: str,
     run: int | None,
-    gone: int,
+    lost_seeds: int,
 ) -> dict[str, Any]:
     """Mean, median, interquartile mean and quantiles: of episodes, or of runs' means."""
     means = scores[0][~np.isnan(scores[0])]
@@ -285,12 +288,14 @@ def _figures(
             unit = "training runs" if run is None else "episodes"
             found[statistic] = judge.flat(float(means[0]), len(means), unit, of=whose)
         elif run is None:
-            found[statistic] = judge.runs(scores, statistic, of=of, name=name, lost=gone)
+            found[statistic] = judge.runs(scores, statistic, of=of, name=name, lost=lost_seeds)
         else:
-            found[statistic] = judge.episodes(scores[0], statistic, of=whose, name=name, lost=gone)
+            found[statistic] = judge.episodes(
+                scores[0], statistic, of=whose, name=name, lost=lost_seeds
+            )
     return {
         "episodes": int(max((~np.isnan(each)).sum() for each in scores)),
-        "broken": gone,
+        "broken": lost_seeds,
         "runs": len(scores),
         **found,
         "quantiles": {f"{part:g}": float(np.quantile(means, part)) for part in QUANTILES},
@@ -298,29 +303,26 @@ def _figures(
 
 
 def _success(
-    judge: Judge, sheets: Sequence[Sheet], whom: Whom, run: int | None, of: str
+    judge: Judge, sheets: Sequence[Sheet], subject: Subject, run: int | None, of: str
 ) -> dict[str, Any] | None:
-    values = [sheet.values(SUCCESS, whom.scope, whom.name) for sheet in sheets]
+    values = [sheet.values(SUCCESS, subject.scope, subject.name) for sheet in sheets]
     share = judge.share(np.concatenate(values))
     if share is None or run is not None:
         return share
-    name = ["success", *(str(whom), of)]
+    name = ["success", subject.scope, subject.name, of]
     over = judge.runs(values, "mean", of=of, name=name, is_share=True)
     if over is None:
         return None
     return {**share, "p": over["value"], "low": over["low"], "high": over["high"]}
 
 
-def _endings(sheets: Sequence[Sheet], whom: Whom) -> dict[str, Any]:
-    total: dict[str, Any] = {"terminated": 0, "truncated": 0, "cut": 0, "reasons": {}}
+def _endings(sheets: Sequence[Sheet], subject: Subject) -> dict[str, Any]:
+    kinds, reasons = Counter(terminated=0, truncated=0, cut=0), Counter[str]()
     for sheet in sheets:
-        for key, count in sheet.endings(whom.scope, whom.name).items():
-            if key == "reasons":
-                for reason, times in count.items():
-                    total["reasons"][reason] = total["reasons"].get(reason, 0) + times
-            else:
-                total[key] = total.get(key, 0) + count
-    return total
+        found = sheet.endings(subject.scope, subject.name)
+        reasons.update(found.pop("reasons"))
+        kinds.update(found)
+    return {**kinds, "reasons": dict(reasons)}
 
 
 def curves_of(spec: Spec, results: Sequence[Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
@@ -355,7 +357,7 @@ TAUS: Final = tuple(k / 20 for k in range(21))
 
 
 def overall_of(spec: Spec, grounds: Sequence[Ground], judge: Judge) -> dict[str, Any]:
-    """Aggregates over all environments, and who beats whom there; empty where there is one.
+    """Aggregates over all environments, and probabilities of improvement; empty where there is one.
 
     Success is put together as it is; returns only on the scale that every environment names.
     """

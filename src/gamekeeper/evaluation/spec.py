@@ -7,7 +7,7 @@ from typing import Any, Final
 from gamekeeper.contract import Contract
 
 EPISODES: Final = 100
-"""Played by every policy unless told otherwise: enough for the intervals of one checkpoint."""
+"""Default; enough for the intervals of one checkpoint."""
 LEVEL: Final = 0.95
 MOST_CELLS: Final = 2_000
 """Line-ups of an environment beyond which cross-play is refused rather than played for days."""
@@ -55,10 +55,10 @@ class PolicySpec:
     """A policy: one checkpoint, or a method, of which there are several training runs.
 
     Attributes:
-        runs: of each run, who plays; one of them where it is no method.
+        runs: the choices of each run; one where it is no method.
         is_method: claims are about the method, and its training runs are the unit.
         environments: other runs for environments by name.
-        files: whose bytes count in its digests.
+        files: files whose bytes count in its digests.
         version: as its author calls it; noted.
         digests: pinned, one a run; another policy is refused.
         curve: name of the learning curve that it is a point of; None: of none.

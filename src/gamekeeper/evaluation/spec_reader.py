@@ -103,6 +103,8 @@ def read_spec(
     found = dict(SECTIONS(data, at))
     for key in ("seeds", "metrics"):
         found |= found.pop(key, {})
+    if "run" in found:
+        found["seed"] = found.pop("run")
     spec = Spec(**found, folder=None if folder is None else str(folder))
     check_names(spec, at)
     return spec
@@ -181,10 +183,6 @@ def _rows(read: Read[T]) -> Read[dict[str, T]]:
 
 def _table(value: object, at: SourcePath) -> dict[str, Any]:
     return dict(at.table(value))
-
-
-def _contract(value: object, at: SourcePath) -> str | Contract:
-    return value if isinstance(value, Contract) else text(value, at)
 
 
 def _success(value: object, at: SourcePath) -> dict[str, str]:
@@ -286,7 +284,7 @@ def _choices(value: object, at: SourcePath) -> Choices:
             actual=value,
             fix='write policy = "random", or { picker = "random", carrier = "noop" }',
         )
-    return {agent_name(whom): choice for whom, choice in table.items()}
+    return {agent_name(place): choice for place, choice in table.items()}
 
 
 def _unit(value: object, at: SourcePath) -> str:
@@ -316,10 +314,6 @@ def _compare(value: object, at: SourcePath) -> tuple[tuple[str, str], ...] | Non
     return None if value == "all" else COMPARE(value, at).get("pairs")
 
 
-def _pairs(value: object, at: SourcePath) -> tuple[tuple[str, str], ...] | None:
-    return None if value == "all" else listed(_pair)(value, at)
-
-
 def _pair(value: object, at: SourcePath) -> tuple[str, str]:
     names = TEXTS(value, at)
     if len(names) != 2 or names[0] == names[1]:
@@ -336,10 +330,6 @@ def _suite(id: str, version: str = "1") -> tuple[str, str]:
     return id, version
 
 
-def _seeds(**found: int) -> dict[str, int]:
-    return {"seed" if key == "run" else key: value for key, value in found.items()}
-
-
 TEXTS: Final = listed(text)
 ENVIRONMENT: Final = section(
     EnvironmentSpec,
@@ -348,7 +338,7 @@ ENVIRONMENT: Final = section(
         "kwargs": _table,
         "version": text,
         "options": _table,
-        "contract": _contract,
+        "contract": lambda value, at: value if isinstance(value, Contract) else text(value, at),
         "success": _success,
         "most_turns": whole(1),
         "team": truth,
@@ -385,7 +375,9 @@ STOP: Final = section(
     "width",
     lacking="nothing says when to stop",
 )
-COMPARE: Final[Read[dict[str, Any]]] = section(dict, {"pairs": _pairs})
+COMPARE: Final[Read[dict[str, Any]]] = section(
+    dict, {"pairs": lambda value, at: None if value == "all" else listed(_pair)(value, at)}
+)
 SECTIONS: Final[Read[dict[str, Any]]] = section(
     dict,
     {
@@ -393,7 +385,7 @@ SECTIONS: Final[Read[dict[str, Any]]] = section(
         "suite": section(_suite, {"id": text, "version": text}, "id", lacking="a suite has no id"),
         "environments": _rows(_environment),
         "policies": _rows(_policy),
-        "seeds": section(_seeds, {"run": whole(0), "episodes": whole(1)}),
+        "seeds": section(dict, {"run": whole(0), "episodes": whole(1)}),
         "compare": _compare,
         "crossplay": _crossplay,
         "stop": STOP,

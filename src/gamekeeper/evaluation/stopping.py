@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gamekeeper.episodes.outcome import EACH, TEAM
 from gamekeeper.errors import EvidenceError
@@ -13,9 +12,8 @@ from gamekeeper.evaluation.episode_rows import LENGTH, RETURN, ROLE, SUCCESS, Sh
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import Checkpoint
 from gamekeeper.evaluation.spec import Spec
+from gamekeeper.statistics.interval import FloatArray
 from gamekeeper.statistics.narrowing import Narrowing
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -93,14 +91,7 @@ class Stopping:
             mean = float(values.mean())
             nothing = dict.fromkeys(("low", "high", "width", "method"))
             return {"n": len(values), "value": mean, **nothing}
-        return {
-            "n": found.n,
-            "value": found.value,
-            "low": found.low,
-            "high": found.high,
-            "width": found.high - found.low,
-            "method": found.method,
-        }
+        return {**found.to_json(), "width": found.high - found.low}
 
     def to_json(self, episodes: int) -> dict[str, Any]:
         """As the document has it."""

@@ -184,7 +184,6 @@ def spec_of(
         SpecError: it can't be read, or nothing can be played.
     """
     found = _read(given)
-    more: dict[str, Any] = {}
     if found is None:
         if not policies:
             raise SpecError(
@@ -211,32 +210,25 @@ def spec_of(
             )
         if policies:
             dummy = {"environments": dict.fromkeys(found.environments, "-")}
-            more["policies"] = read_spec({**dummy, "policies": policies}).policies
-    settings: dict[str, Any] = {
-        "seeds": {k: v for k, v in (("run", seed), ("episodes", episodes)) if v is not None}
+            found = replace(found, policies=read_spec({**dummy, "policies": policies}).policies)
+    asked: dict[str, Any] = {
+        "seed": seed,
+        "episodes": episodes,
+        "crossplay": crossplay,
+        "record": record,
     }
-    if crossplay is not None:
-        settings["crossplay"] = crossplay
-    if record is not None:
-        settings["record"] = record
-    return _with(replace(found, **more), settings)
-
-
-def _with(spec: Spec, settings: Mapping[str, Any]) -> Spec:
-    """The specification with some sections read from elsewhere."""
+    asked = {key: value for key, value in asked.items() if value is not None}
+    names = {
+        part: dict.fromkeys(getattr(found, part), "-") for part in ("environments", "policies")
+    }
+    seeds = {"run": asked.get("seed"), "episodes": asked.get("episodes")}
     data = {
-        "environments": dict.fromkeys(spec.environments, "-"),
-        "policies": dict.fromkeys(spec.policies, "-"),
-        **settings,
+        **names,
+        **{key: asked[key] for key in ("crossplay", "record") if key in asked},
+        "seeds": {key: value for key, value in seeds.items() if value is not None},
     }
     read = read_spec(data, source="arguments")
-    more: dict[str, Any] = {}
-    if "run" in settings["seeds"]:
-        more["seed"] = read.seed
-    if "episodes" in settings["seeds"]:
-        more["episodes"] = read.episodes
-    more |= {key: getattr(read, key) for key in ("crossplay", "record") if key in settings}
-    return replace(spec, **more)
+    return replace(found, **{key: getattr(read, key) for key in asked})
 
 
 def _read(given: object) -> Spec | None:

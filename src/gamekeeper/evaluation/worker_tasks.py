@@ -7,16 +7,17 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
+from math import isclose
 from pathlib import Path
 from secrets import token_hex
 from typing import Any, Final
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.canonical import is_exact, to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.errors import GamekeeperError
@@ -52,7 +53,7 @@ def receipt_name(key: str) -> str:
 
 
 def ready_task(report: Any) -> None:
-    """Does nothing: whose process has come this far has imported what it plays with."""
+    """Does nothing: a process that runs it has imported all that playing takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +152,7 @@ def play_part(
                 label={**label, "episode": episode, "reset": joint_policy.reset},
                 success=judge,
                 contract=contract,
-                sides={whom: (side[0], side[1]) for whom, side in sides.items()},
+                sides={place: (side[0], side[1]) for place, side in sides.items()},
                 lengths=joint_policy.counts,
                 roster=roster,
                 infos=infos,
@@ -179,11 +180,8 @@ class _Counting:
     """
 
     def __init__(self, joint_policy: Any, api: str) -> None:
-        self._joint_policy, self._is_parallel, self.counts = (
-            joint_policy,
-            api == "parallel",
-            dict[str, int](),
-        )
+        self._joint_policy, self._is_parallel = joint_policy, api == "parallel"
+        self.counts: dict[str, int] = {}
         self._first, self._is_open = blake2b(digest_size=8), True
 
     def begin(self, run_seed: int, episode: int) -> None:
@@ -197,8 +195,9 @@ class _Counting:
             name not in self.counts if self._is_parallel else not self.counts
         )
         if self._is_open:
-            self._first.update(name.encode("utf-8", "surrogatepass"))
-            _add(self._first, observation)
+            text = to_json(observation)  # what no text can build again says nothing of the seed
+            known = text if is_exact(text) else ""
+            self._first.update(f"{name}\0{known}\0".encode(errors="surrogatepass"))
         self.counts[name] = self.counts.get(name, 0) + 1
         return self._joint_policy.act(agent, observation, info)
 
@@ -206,22 +205,6 @@ class _Counting:
     def reset(self) -> str | None:
         """Digest of the first observations; None where no agent acted."""
         return self._first.hexdigest() if self.counts else None
-
-
-def _add(digest: Any, value: Any) -> None:
-    """Adds an observation to a digest: its kind, and its bytes or its parts."""
-    digest.update(type(value).__name__.encode() + b"\0")
-    if isinstance(value, Mapping):
-        for key in sorted(value, key=str):
-            digest.update(str(key).encode("utf-8", "surrogatepass"))
-            _add(digest, value[key])
-    elif isinstance(value, list | tuple):
-        for each in value:
-            _add(digest, each)
-    elif isinstance(value, np.ndarray | np.generic) and value.dtype != object:
-        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-    elif value is None or isinstance(value, bool | int | float | str):
-        digest.update(repr(value).encode("utf-8", "surrogatepass"))
 
 
 def merge_task(report: Any, *, place: str, keys: Sequence[str]) -> dict[str, Any]:
@@ -322,11 +305,11 @@ def keep_task(
             differs = _differs(evidence, storage, parts)
             storage.delete(name)
             storage.put_folder(name, Path(draft) / "run_files")
-            told = {"folder": name, "fingerprint": evidence.fingerprint, "differs": differs}
+            recorded = {"folder": name, "fingerprint": evidence.fingerprint, "differs": differs}
     except GamekeeperError as error:
         return {"error": error.to_json()}
-    storage.put(receipt, json.dumps(told, sort_keys=True).encode())
-    return told
+    storage.put(receipt, json.dumps(recorded, sort_keys=True).encode())
+    return recorded
 
 
 def folder_names(lineups: Iterable[tuple[str, str]]) -> list[str]:
@@ -355,7 +338,7 @@ def _differs(evidence: Evidence, storage: Storage, parts: Sequence[str]) -> int:
         {
             episode
             for (episode, agent), value in played.items()
-            if not _is_near(value, recorded.get((episode, agent), 0.0))
+            if not isclose(value, recorded.get((episode, agent), 0.0), rel_tol=NEAR, abs_tol=NEAR)
         }
     )
 
@@ -369,7 +352,3 @@ def _returns(table: pa.Table, column: str) -> dict[tuple[int, str], float]:
     )
     keys = zip(found["episode"], found["agent"], strict=True)
     return dict(zip(keys, found[f"{column}_sum"], strict=True))
-
-
-def _is_near(one: float, two: float) -> bool:
-    return one == two or abs(one - two) <= NEAR * max(abs(one), abs(two), 1.0)

@@ -41,15 +41,14 @@ def kernel_key(kernel: Kernel) -> str:
 
 def code_key(function: Any, kernel: Kernel) -> str:
     """Names what a driver's function compiles to: its code with all that it calls, and shapes."""
-    told = key_of(function), shapes(kernel), views_source()
-    return hashlib.blake2b(repr(told).encode(), digest_size=SIZE).hexdigest()
+    parts = key_of(function), shapes(kernel), views_source()
+    return hashlib.blake2b(repr(parts).encode(), digest_size=SIZE).hexdigest()
 
 
 @cache
 def views_source() -> bytes:
     """The text of what writes the code of views, which no function's own code shows."""
-    files = resources.files("gamekeeper.kernels")
-    return b"".join(files.joinpath(name).read_bytes() for name in ("array_views.py",))
+    return resources.files("gamekeeper.kernels").joinpath("array_views.py").read_bytes()
 
 
 def key_of(function: Any) -> str:

@@ -13,7 +13,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
 from typing import Any, Final
 
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.errors import ActionError
 from gamekeeper.kernels.array_views import copy_of, plain_row
-from gamekeeper.kernels.compile_cache import kernel_key
+from gamekeeper.kernels.compile_cache import kernel_key, known
 from gamekeeper.kernels.copy_steps import clear_books, driver_of_one
 from gamekeeper.kernels.driver import copies
 from gamekeeper.kernels.kernel import Kernel
@@ -64,16 +63,15 @@ class Code:
 
 def code_of(kernel: Kernel) -> Code:
     """A kernel's compiled code, for the device at hand; the same for kernels that are alike."""
-    key = kernel_key(kernel)
-    known = _known()
-    if key not in known:
-        sys.stderr.write(f"gamekeeper: compiles {kernel.name} for CUDA\n")
-        parts = Parts(kernel, is_plain=False)
-        kinds = (BEGIN, JUDGE, STEP)
-        threads = _threads(parts, copy_of(kernel), copy_of(kernel, OwnReader), put_back(kernel))
-        loops = zip(threads, kinds, strict=True)
-        known[key] = Code(*(compiled(loop, kind) for loop, kind in loops))
-    return known[key]
+    code: Code = known(f"cuda {kernel_key(kernel)}", lambda: _compiled(kernel))
+    return code
+
+
+def _compiled(kernel: Kernel) -> Code:
+    sys.stderr.write(f"gamekeeper: compiles {kernel.name} for CUDA\n")
+    parts = Parts(kernel, is_plain=False)
+    threads = _threads(parts, copy_of(kernel), copy_of(kernel, OwnReader), put_back(kernel))
+    return Code(*map(compiled, threads, (BEGIN, JUDGE, STEP)))
 
 
 def simulated(kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays) -> Code:
@@ -89,11 +87,6 @@ def simulated(kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], array
 
     threads = _threads(Parts(kernel, is_plain=True), copy, copy, back)
     return Code(*(cuda.jit(thread) for thread in threads))
-
-
-@cache
-def _known() -> dict[str, Code]:
-    return {}
 
 
 def _threads(

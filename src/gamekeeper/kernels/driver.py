@@ -218,8 +218,8 @@ class Single:
         start: `start(*given, seed, episode)`: begins an episode with that stream.
         play: `play(*given)`: a tick or turn with the action that stands in the arrays; returns the
             sum of PAID, ENDED and JOINED, and above these bits the number of words drawn.
-        look: `look(*given, i)`: what agent i is given, into `final` and its neighbours. Of ticks
-            `play` and `start` show it to all, in `obs`.
+        show_agent: `show_agent(*given, i)`: what agent i is given, into `final` and its
+            neighbours. Of ticks `play` and `start` show it to all, in `obs`.
         overview: `overview(*given)`: fills the state that `state()` gives.
     """
 
@@ -227,7 +227,7 @@ class Single:
     is_plain: bool
     start: Callable[..., None]
     play: Callable[..., int]
-    look: Callable[..., None]
+    show_agent: Callable[..., None]
     overview: Callable[..., None]
 
     def given(self, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays) -> tuple[Any, ...]:
@@ -271,7 +271,7 @@ def _on_one(parts: Parts) -> tuple[Any, Any, Any, Any]:
     reset, clear = parts.rule("reset"), clear_books(parts)
     play_one = turn_player(parts) if is_aec else tick_player(parts)
     show = parts.made(_no_show) if is_aec else tick_shower(parts)
-    look = turn_keeper(parts) if is_aec else parts.made(_no_look)
+    show_agent = turn_keeper(parts) if is_aec else parts.made(_show_no_agent)
     overview_one = parts.rule("overview")
 
     def start(s: Any, t: Any, a: Any, seed: Any, episode: Any) -> None:
@@ -312,10 +312,12 @@ def _on_one(parts: Parts) -> tuple[Any, Any, Any, Any]:
     def overview(s: Any, t: Any, a: Any) -> None:
         overview_one(s, t, a.state)
 
-    return parts.made(start), parts.made(play), look, parts.made(overview)
+    return parts.made(start), parts.made(play), show_agent, parts.made(overview)
 
 
-def _on_places(copy: Any, start_one: Any, play_one: Any, look_one: Any, overview_one: Any) -> Any:
+def _on_places(
+    copy: Any, start_one: Any, play_one: Any, show_one_agent: Any, overview_one: Any
+) -> Any:
     def start(places: Any, seed: Any, episode: Any) -> None:
         s, t, a = copy(places, 0)
         start_one(s, t, a, seed, episode)
@@ -324,20 +326,20 @@ def _on_places(copy: Any, start_one: Any, play_one: Any, look_one: Any, overview
         s, t, a = copy(places, 0)
         return play_one(s, t, a)
 
-    def look(places: Any, i: Any) -> None:
+    def show_agent(places: Any, i: Any) -> None:
         s, t, a = copy(places, 0)
-        look_one(s, t, a, i)
+        show_one_agent(s, t, a, i)
 
     def overview_of_one(places: Any) -> None:
         s, t, a = copy(places, 0)
         overview_one(s, t, a)
 
-    return start, play, look, overview_of_one
+    return start, play, show_agent, overview_of_one
 
 
 def _no_show(s: Any, t: Any, a: Any, tells: Any, is_after: Any) -> None:
     """Shows nothing: in turns the observation is asked for agent by agent."""
 
 
-def _no_look(s: Any, t: Any, a: Any, i: Any) -> None:
-    """Looks up nothing: in ticks all agents are shown at once."""
+def _show_no_agent(s: Any, t: Any, a: Any, i: Any) -> None:
+    """Shows nothing: in ticks all agents are shown at once."""

@@ -239,8 +239,8 @@ class Kernel:
                 actual=str(done)[:200],
             )
 
-    def _refuse(self, what: str, **told: Any) -> None:
-        raise SpecError(what, where=self.name, **told)
+    def _refuse(self, what: str, **parts: Any) -> None:
+        raise SpecError(what, where=self.name, **parts)
 
     def __deepcopy__(self, memo: object) -> Kernel:
         """A kernel never changes, so copies of it are itself."""

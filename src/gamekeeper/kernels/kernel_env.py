@@ -39,7 +39,7 @@ class KernelRules(Authored):
         memory: the state and the arrays of the one copy.
     """
 
-    copy: ClassVar[Any] = False  # each look is a new copy, of its space's type
+    copy: ClassVar[Any] = False  # each observation is a new copy, of its space's type
     snapshot_without: ClassVar[Iterable[str]] = ("kernel", "single", "_tables", "number_of")
 
     def __init__(
@@ -139,12 +139,12 @@ class KernelRules(Authored):
                     if amount:
                         self.add_reward(agent, amount, name)
         if found & ENDED:
-            self.told_ends(records["ending"][0].tolist())
+            self.end_agents(records["ending"][0].tolist())
         if found & (ENDED | JOINED):
             arrays.live[0] = records["live"][0]
 
-    def told_ends(self, endings: list[int]) -> None:
-        """Tells the books who ended, and why."""
+    def end_agents(self, endings: list[int]) -> None:
+        """Ends agents as the rules did, each for its reason."""
         arrays, agents = self.memory.arrays, self.possible_agents
         for flags, end, unnamed in (
             (arrays.terminated, self.terminate, "terminated"),
@@ -165,12 +165,12 @@ class KernelRules(Authored):
 
     def observe(self, agent: Any) -> Any:
         """Observation of an agent now."""
-        return (self.memory.ties or self.tied()).seen[agent]()
+        return (self.memory.ties or self.tied()).obs[agent]()
 
     def info(self, agent: Any) -> dict[str, Any]:
         """Info of an agent by the rules."""
-        told: dict[str, Any] = (self.memory.ties or self.tied()).told[agent]()
-        return told
+        info: dict[str, Any] = (self.memory.ties or self.tied()).infos[agent]()
+        return info
 
     def state(self) -> Any:
         """The whole state, as the kernel's `overview` gives it."""
@@ -247,7 +247,7 @@ def kernel_env(kernel: Kernel, *, render_mode: str | None = None, debug: bool = 
     """One copy of a kernel as an AECEnv or ParallelEnv.
 
     Args:
-        render_mode: None; who wants pictures writes a class on one of these, with `render`.
+        render_mode: None; pictures need a class on one of these, with `render`.
     """
     kinds = (KernelTurns, MaskedTurns) if kernel.api == "aec" else (KernelTicks, MaskedTicks)
     return kinds[kernel.mask is not None](kernel, render_mode=render_mode, debug=debug)
@@ -256,8 +256,8 @@ def kernel_env(kernel: Kernel, *, render_mode: str | None = None, debug: bool = 
 __all__ = ["MASK", "KernelTicks", "KernelTurns", "MaskedTicks", "MaskedTurns", "kernel_env"]
 
 
-Look: TypeAlias = Callable[[], Any]
-"""Gives a new copy of what an agent is given now."""
+Read: TypeAlias = Callable[[], Any]
+"""Returns a new copy of what an agent is given now."""
 
 
 class CopyArrays:
@@ -315,10 +315,10 @@ class Ties:
         start, play, overview: of `Single`, with the arrays that they work on.
         put: where the actions of all agents stand, if each is one number and they share spaces.
         doing: by agent, the array of actions of its group, and its place there.
-        seen, masks, told: by agent, what gives its observation, mask and info.
+        obs, masks, infos: by agent, a function that returns its observation, mask or info.
     """
 
-    __slots__ = ("doing", "masks", "overview", "play", "put", "seen", "start", "told")
+    __slots__ = ("doing", "infos", "masks", "obs", "overview", "play", "put", "start")
 
     def __init__(
         self, kernel: Kernel, single: Single, tables: NDArray[Any], memory: CopyArrays
@@ -335,35 +335,35 @@ class Ties:
         if not is_aec and isinstance(a.actions, np.ndarray) and a.actions.ndim == 2:
             self.put = memoryview(a.actions[0])
         self.doing: dict[str, tuple[Any, int]] = {}
-        self.seen: dict[str, Look] = {}
-        self.masks: dict[str, Look] = {}
-        self.told: dict[str, Look] = {}
+        self.obs: dict[str, Read] = {}
+        self.masks: dict[str, Read] = {}
+        self.infos: dict[str, Read] = {}
         for g, group in enumerate(kernel.groups):
             is_one = len(kernel.groups) == 1
             mine = [part if is_one else part[g] for part in (a.actions, obs, masks)]
             for k in range(group.count):
                 i = group.first + k
                 agent = kernel.agents[i]
-                before = partial(single.look, *given, i) if is_aec else None
+                before = partial(single.show_agent, *given, i) if is_aec else None
                 self.doing[agent] = mine[0], k
-                self.seen[agent] = _after(before, _viewer(group.observation_space, mine[1], k))
+                self.obs[agent] = _after(before, _viewer(group.observation_space, mine[1], k))
                 self.masks[agent] = _after(before, mine[2][0, k].copy)
-                self.told[agent] = _after(before, _teller(kernel, infos, i))
+                self.infos[agent] = _after(before, _teller(kernel, infos, i))
 
 
-def _after(before: Look | None, look: Look) -> Look:
-    """The look, once the rules were asked what an agent is given (of turns)."""
+def _after(before: Read | None, read: Read) -> Read:
+    """`read`, once the rules have shown what an agent is given (of turns)."""
     if before is None:
-        return look
+        return read
 
     def after() -> Any:
         before()
-        return look()
+        return read()
 
     return after
 
 
-def _viewer(space: spaces.Space[Any], obs: Any, i: int) -> Look:
+def _viewer(space: spaces.Space[Any], obs: Any, i: int) -> Read:
     """Function that returns an agent's own observation, out of arrays by copy and agent."""
     if isinstance(space, spaces.Dict):
         parts = {
@@ -371,19 +371,19 @@ def _viewer(space: spaces.Space[Any], obs: Any, i: int) -> Look:
             for key, part in space.spaces.items()
             if hasattr(obs, key)
         }
-        return lambda: {key: look() for key, look in parts.items()}
+        return lambda: {key: read() for key, read in parts.items()}
     if space.shape:
-        look: Look = obs[0, i].copy
-        return look
+        read: Read = obs[0, i].copy
+        return read
     return partial(obs[0].__getitem__, i)
 
 
-def _teller(kernel: Kernel, infos: NDArray[Any], i: int) -> Look:
+def _teller(kernel: Kernel, infos: NDArray[Any], i: int) -> Read:
     """Function that returns an agent's own info."""
     if not kernel.info:
         return dict
-    parts: dict[str, Look] = {}
+    parts: dict[str, Read] = {}
     for name in infos.dtype.names or ():
         field = infos[name][0]
         parts[name] = field[i].copy if field.ndim > 1 else field[i : i + 1].item
-    return lambda: {name: look() for name, look in parts.items()}
+    return lambda: {name: read() for name, read in parts.items()}

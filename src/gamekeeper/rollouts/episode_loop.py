@@ -102,7 +102,7 @@ class EpisodePlan:
         stream: number of the episode for the policies' random streams.
         actions: turn by turn; None: policies choose.
         most_turns: the episode is cut there.
-        looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
+        asks_last: where an AEC episode is cut, the agent in turn is still given what it would be.
         opening: states of generators and attributes, as a run has them; None: seed and options are
             all.
         stand_ins: actions of live agents that a scripted tick leaves out, as in an episode that was
@@ -114,7 +114,7 @@ class EpisodePlan:
     actions: tuple[Actions, ...] | None = None
     most_turns: int = 1000
     options: Mapping[str, Any] | None = None
-    looks_last: bool = True
+    asks_last: bool = True
     opening: str | None = None
     stand_ins: Actions | None = None
 
@@ -253,7 +253,7 @@ class EpisodeLoop:
         self._opening = Opening.from_text(play.opening)
         self._hooks, self._watch, self._on_step = hooks, watch, on_step
         self._is_parallel = isinstance(capture, ParallelCapture)
-        self._contract, self._is_told = contract or Contract(), hooks.wants_given
+        self._contract, self._notes_given = contract or Contract(), hooks.wants_given
         self._call, self._is_begun = "reset", False
 
     def run(self, until: int | None = None) -> FailedCall | None:
@@ -276,7 +276,7 @@ class EpisodeLoop:
                 self._on_step()
                 self._turn(turn)
             if until is None:
-                self._last_look()
+                self._ask_last()
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # whatever foreign code raises is evidence
@@ -298,7 +298,7 @@ class EpisodeLoop:
         self._hooks.before_reset(self._capture.env)
         self._opening.begin(self._capture.env, was_reset=self._capture.was_reset)
         out = self._capture.reset(self._play.seed, self._play.options)
-        self._look(0, out)
+        self._watch_step(0, out)
         self._is_begun = True
 
     def _turn(self, turn: int) -> None:
@@ -316,7 +316,7 @@ class EpisodeLoop:
             self.taken.append(_copied({agent: action}))
             self._call = "step"
             self._capture.step(action)
-        self._look(turn + 1, out)
+        self._watch_step(turn + 1, out)
 
     def _is_off_script(self, turn: int) -> bool:
         """Tells whether the plan has None, as for an ended agent, where a live one is in turn."""
@@ -328,13 +328,13 @@ class EpisodeLoop:
         _, _, terminated, truncated, _ = self._capture.last()
         return not (terminated or truncated)
 
-    def _last_look(self) -> None:
+    def _ask_last(self) -> None:
         """Asks for the last observation of the agent in turn where the episode is cut."""
-        if self._play.looks_last and not self._is_parallel and self._capture.to_move:
+        if self._play.asks_last and not self._is_parallel and self._capture.to_move:
             self._call = "last"
             self._capture.last()
 
-    def _look(self, turn: int, out: Any) -> None:
+    def _watch_step(self, turn: int, out: Any) -> None:
         self._call = "look"
         self._hooks.between(turn, self._capture.env)
         if self._watch is not None:
@@ -343,7 +343,7 @@ class EpisodeLoop:
     def _chosen_by_all(self, turn: int) -> dict[AgentId, Any]:
         capture, movers = self._capture, self._capture.to_move
         seen, infos, sees = capture.observations, capture.infos, self._hooks.sees
-        if self._is_told:
+        if self._notes_given:
             for agent in movers:
                 self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
         if self._play.actions is not None:
@@ -358,7 +358,7 @@ class EpisodeLoop:
         self._call = "last"
         observation, _, terminated, truncated, info = self._capture.last()
         agent = self._capture.to_move[0]
-        if self._is_told and not (terminated or truncated):
+        if self._notes_given and not (terminated or truncated):
             self._hooks.given(turn, agent, observation, info)
         if self._play.actions is not None:
             script = self._play.actions[turn]

@@ -115,7 +115,7 @@ class Intervention(ABC):
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Intervention:
-        """The intervention that `to_json` told of.
+        """The intervention that `to_json` wrote.
 
         Raises:
             EvidenceError: there is no such intervention, or it hasn't these parameters.

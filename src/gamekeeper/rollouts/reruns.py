@@ -37,7 +37,7 @@ def play_of(episode: Episode, env: Any, types: Mapping[str, str] | None = None) 
     )
     cut = [turn for turn in episode.turns if turn.index >= played]
     return EpisodePlan(
-        looks_last=any(_was_seen(turn, name, episode) for turn in cut for name in turn.agents),
+        asks_last=any(_was_seen(turn, name, episode) for turn in cut for name in turn.agents),
         seed=episode.seed,
         stream=episode.episode,
         actions=actions,
@@ -85,7 +85,7 @@ def replayed_episode(
         return
     for turn in episode.turns if turns is None else turns:
         if turn.index >= played or not capture.env.agents:
-            _look_once_more(capture, episode, turn)
+            _ask_last(capture, episode, turn)
             break
         if joint_policy is not None and not capture.to_move:
             break
@@ -131,7 +131,7 @@ def _agent(capture: ParallelCapture | AECCapture, agents: Mapping[str, Any], nam
     return next((agent for agent in capture.env.agents if agent_name(agent) == name), name)
 
 
-def _look_once_more(capture: ParallelCapture | AECCapture, episode: Episode, turn: Turn) -> None:
+def _ask_last(capture: ParallelCapture | AECCapture, episode: Episode, turn: Turn) -> None:
     """An AEC episode may end with a look that no action followed; its row has the observation."""
     if not isinstance(capture, AECCapture) or not capture.env.agents:
         return
@@ -239,7 +239,10 @@ def _without_turns(play: EpisodePlan, still: Still) -> EpisodePlan:
 def _plainer(play: EpisodePlan, still: Still, plain: Mapping[Any, Any]) -> EpisodePlan:
     """Plain actions in place of drawn ones: everywhere at once, else turn by turn."""
     actions = list(play.actions or ())
-    simple = [_plain_turn(each, plain) for each in actions]
+    simple = [
+        {agent: a if a is None else plain.get(agent, a) for agent, a in each.items()}
+        for each in actions
+    ]
     whole = _with(play, tuple(simple))
     if len(simple) and still(whole):
         return whole
@@ -248,10 +251,3 @@ def _plainer(play: EpisodePlan, still: Still, plain: Mapping[Any, Any]) -> Episo
         if still(_with(play, tuple(tried))):
             actions = tried
     return _with(play, tuple(actions))
-
-
-def _plain_turn(actions: Actions, plain: Mapping[Any, Any]) -> Actions:
-    return {
-        agent: action if action is None else plain.get(agent, action)
-        for agent, action in actions.items()
-    }

@@ -123,7 +123,7 @@ class _Count:
         self.returns: dict[Any, float] = {}
         self.terms: dict[Any, dict[str, float]] = {}
         self.ended: dict[Any, str] = {}
-        self.told: dict[Any, Any] = {}
+        self.infos: dict[Any, Any] = {}
         self.seen: dict[Any, int] = {}
 
     def begin(self, env: Any) -> None:
@@ -149,7 +149,7 @@ class _Count:
         named = getattr(env.unwrapped, "endings", None)
         reasons = named if isinstance(named, dict) else {}
         ends = {a: str(reasons.get(a) or self.ended.get(a, "cut")) for a in self.returns}
-        infos = {a: numbers for a, info in self.told.items() if (numbers := self._numbers(info))}
+        infos = {a: numbers for a, info in self.infos.items() if (numbers := self._numbers(info))}
         return Outcome(
             seed=seed,
             turns=turns,
@@ -174,7 +174,7 @@ class _Ticks(_Count):
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """Adds a tick."""
         if turn == 0:
-            self._tell(0, out[1])
+            self._take_infos(0, out[1])
             self.begin(env)
             return
         _, rewards, terms, truncs, infos = out
@@ -182,11 +182,11 @@ class _Ticks(_Count):
             self.returns[agent] = self.returns.get(agent, 0.0) + reward
         for flags, word in ((truncs, "truncated"), (terms, "terminated")):
             self.ended.update({agent: word for agent, flag in flags.items() if flag})
-        self._tell(turn, infos)
+        self._take_infos(turn, infos)
         self.take_terms(env)
 
-    def _tell(self, turn: int, infos: Any) -> None:
-        self.told.update(infos)
+    def _take_infos(self, turn: int, infos: Any) -> None:
+        self.infos.update(infos)
         self.seen.update(dict.fromkeys(infos, turn))
 
 
@@ -205,7 +205,7 @@ class _Turns(_Count):
         self.returns[agent] = self.returns.get(agent, 0.0) + env._cumulative_rewards[agent]
         if env.terminations[agent] or env.truncations[agent]:
             self.ended[agent] = "terminated" if env.terminations[agent] else "truncated"
-        self.told[agent], self.seen[agent] = env.infos[agent], turn
+        self.infos[agent], self.seen[agent] = env.infos[agent], turn
 
     def outcome(
         self, seed: int | None, env: Any, turns: int, *, is_over: bool, error: str | None

@@ -272,7 +272,9 @@ def modules_of(folder: Path) -> Iterator[None]:
 
 def _commits(repo: Path, since: str | None, until: str) -> list[str]:
     """Commits after `since` up to `until`, the oldest first."""
-    ends = [_commit(repo, name) for name in (since, until) if name is not None]
+    verify = ("rev-parse", "--verify", "--end-of-options")
+    named = [f"{name}^{{commit}}" for name in (since, until) if name is not None]
+    ends = [_git(repo, *verify, name).strip() for name in named]
     span = "..".join(ends)
     found = _git(repo, "rev-list", "--reverse", "--first-parent", span).split()
     if not found:
@@ -284,10 +286,6 @@ def _commits(repo: Path, since: str | None, until: str) -> list[str]:
             fix="name an earlier commit with --from",
         )
     return found
-
-
-def _commit(repo: Path, name: str) -> str:
-    return _git(repo, "rev-parse", "--verify", "--end-of-options", f"{name}^{{commit}}").strip()
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import replace
 from os import PathLike
@@ -238,6 +238,11 @@ def play_whole(
     opened = opened_again(evidence, env)
     manifest = evidence.manifest
     limit = {name: manifest[name] for name in ("most_turns",) if name in manifest}
+    origin = {
+        "root": evidence.root,
+        "fingerprint": evidence.fingerprint,
+        "not_restored": list(NOT_RESTORED),
+    }
     try:
         recorder = _Unframed(
             out,
@@ -247,7 +252,7 @@ def play_whole(
             terms=tuple(manifest.get("terms") or ()),
             volatile=evidence.contract.volatile_infos(),
             is_timed=False,
-            extra={"expanded": _origin(evidence), **limit},
+            extra={"expanded": origin, **limit},
         )
     except BaseException:
         opened.env.close()
@@ -265,12 +270,3 @@ def play_whole(
         capture.end_episode()
         recorder.close()
         capture.close()
-
-
-def _origin(evidence: Evidence) -> Mapping[str, Any]:
-    """The run that an expansion comes from, as its manifest names it."""
-    return {
-        "root": evidence.root,
-        "fingerprint": evidence.fingerprint,
-        "not_restored": list(NOT_RESTORED),
-    }

@@ -9,6 +9,7 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
+from contextlib import ContextDecorator
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -109,7 +110,7 @@ Python's own 5 ms make half a second of a flush, as arrays are copied without th
 """
 
 
-class _Prompt:
+class _Prompt(ContextDecorator):
     """Lets writers have the interpreter soon while any of them flushes; as before afterwards."""
 
     def __init__(self) -> None:
@@ -262,16 +263,13 @@ class RunRecorder:
                 self._wake.wait(FLUSH_S - (time.monotonic() - begun))
                 self._wake.clear()
                 begun = time.monotonic()
-                self._drain()
-            self._drain()
+                self._flush()
+            self._flush()
         except BaseException as error:  # handed to the step that looks next, and to close
             self._failure = error
             self._let_go()
 
-    def _drain(self) -> None:
-        with _PROMPT:
-            self._flush()
-
+    @_PROMPT
     def _flush(self) -> None:
         now = time.monotonic()
         is_early = now - self._flushed_at < FLUSH_S / 2  # many turns: encoding will take them soon

@@ -34,7 +34,7 @@ from gamekeeper.runs.reset_chain import chain_of
 # -- An episode that is being replayed: recorded turns go out, replayed ones are compared behind
 
 STREAMS: Final = ("agent_steps", "states")
-Look: TypeAlias = Callable[[Episode, Episode], bool]
+CompareTurns: TypeAlias = Callable[[Episode, Episode], bool]
 """Compares the same turns, recorded and replayed; True to go on."""
 
 
@@ -43,7 +43,7 @@ class ReplayedEpisode:
 
     Args:
         sink: takes what `capture` puts on the buffer.
-        look: gets every range of turns once it was replayed.
+        compare: gets every range of turns once it was replayed.
     """
 
     def __init__(
@@ -51,9 +51,9 @@ class ReplayedEpisode:
         recorded: EpisodeChunks,
         capture: ParallelCapture | AECCapture,
         sink: MemorySink,
-        look: Look | None = None,
+        compare: CompareTurns | None = None,
     ) -> None:
-        self._capture, self._sink, self._look = capture, sink, look
+        self._capture, self._sink, self._compare_turns = capture, sink, compare
         self._number = recorded.episode
         self._rows: dict[str, RowReader] = {}
         self._header: Mapping[str, Any] = {}
@@ -121,7 +121,9 @@ class ReplayedEpisode:
                 states=self._rows.get("states"),
                 empty=NO_STEPS,
             )
-            self._goes_on = self._look is None or self._look(episode, again.take(before))
+            self._goes_on = self._compare_turns is None or self._compare_turns(
+                episode, again.take(before)
+            )
 
     def _known_spaces(self) -> Evidence:
         """Evidence without rows that names the spaces of all agents there were by now."""
@@ -216,18 +218,18 @@ class ReplayRunner:
         header: Mapping[str, Any],
         *,
         chooser: ActionChooser | None = None,
-        look: Look | None = None,
+        compare: CompareTurns | None = None,
     ) -> Mapping[str, Any]:
         """The header of an episode, replayed: its actions, or those that `chooser` chooses.
 
         Args:
-            look: gets ranges of whole turns, recorded and replayed, as they come; True: go on.
+            compare: gets ranges of whole turns, recorded and replayed, as they come; True: go on.
         Raises:
             EvidenceError: an action was an object that no text can build again.
         """
         if chooser is None:
             _check_actions(self._evidence, header)
-        episode = ReplayedEpisode(self._evidence.chunks(header), self.capture, self._sink, look)
+        episode = ReplayedEpisode(self._evidence.chunks(header), self.capture, self._sink, compare)
         self.replay(episode.head, chooser, episode.turns())
         again = self._kept()
         episode.finish(again)
@@ -250,7 +252,7 @@ class ReplayRunner:
             tolerance=tolerance,
             volatile=self._evidence.contract.volatile_infos(),
         )
-        again = self.play(header, chooser=chooser, look=both.look)
+        again = self.play(header, chooser=chooser, compare=both.add)
         both.ends()
         return both, again
 

@@ -126,7 +126,7 @@ def verify(
         EvidenceError: a text that is given is no digest, or a fingerprint of another level.
     """
     root, fingerprint = _digits("root", root), _digits("fingerprint", fingerprint)
-    found = _looked_at(Path(path))
+    found = _against_itself(Path(path))
     level, _, digits_again = (found.fingerprint or "").partition(":")
     if fingerprint is not None and ":" in fingerprint:
         asked, _, fingerprint = fingerprint.partition(":")
@@ -149,7 +149,7 @@ def verify(
     )
 
 
-def _looked_at(folder: Path) -> Verification:
+def _against_itself(folder: Path) -> Verification:
     """Verifies a run without digests from elsewhere."""
     try:
         damage = [*compare_checksums(folder), *verify_notes(folder)]

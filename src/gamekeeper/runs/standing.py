@@ -240,12 +240,12 @@ def identity_rows(
 
 def _spaces_row(then: Mapping[str, Any], now: Mapping[str, Any], command: str) -> Standing:
     """The spaces of the agents of the run; others may have joined the roster since."""
-    gone = [agent for agent in then if agent not in now]
+    missing = [agent for agent in then if agent not in now]
     other = [agent for agent in then if agent in now and not _same(then[agent], now[agent])]
     agents = f"{len(then)} agents"
-    if not gone and not other:
+    if not missing and not other:
         return Standing("spaces", agents, "the same", "holds")
-    parts = [f"{len(gone)} are gone: {_few(gone)}"] if gone else []
+    parts = [f"{len(missing)} are missing: {_few(missing)}"] if missing else []
     parts += [f"{len(other)} have others: {_few(other)}"] if other else []
     return Standing("spaces", agents, "; ".join(parts), "stale", ALL, command)
 

@@ -152,16 +152,11 @@ def over_environments(
         freedom_of_runs = result.freedom
     if not any(luck):
         return found
-    degrees = [_episodes(each) - 1 for each in scores.values()]
+    degrees = [1 if np.ndim(each[0]) == 0 else len(each[0]) - 1 for each in scores.values()]  # type: ignore[arg-type]  # rows
     # Satterthwaite: variances of environments add up, each known with its own degrees of freedom.
     freedom_of_seeds = sum(luck) ** 2 / sum(v * v / n for v, n in zip(luck, degrees, strict=True))
     reach = student(level, freedom_of_seeds) * sqrt(sum(luck))
     return with_seeds(found, reach, (freedom_of_runs, freedom_of_seeds), level)
-
-
-def _episodes(scores: Scores) -> int:
-    """Episodes of each run; 2 where only means are known."""
-    return 2 if np.ndim(scores[0]) == 0 else len(scores[0])  # type: ignore[arg-type]  # rows
 
 
 def _luck(

@@ -7,15 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from gamekeeper.errors import EvidenceError
-from gamekeeper.statistics.interval import enough, no_spread
+from gamekeeper.statistics.interval import FloatArray, check_level, enough, figures, no_spread
 from gamekeeper.statistics.one_sample import reach_of_mean
 from gamekeeper.statistics.resampling import TRUSTED, Reach, extended, t_of_means
 from gamekeeper.statistics.student import boundary, student, student_p
-
-FloatArray = NDArray[np.float64]
 
 FEWEST: Final = 50
 """Pairs below which no interval is claimed: its coverage isn't what it says."""
@@ -124,24 +121,8 @@ def _differences(base: FloatArray, changed: FloatArray, level: float) -> FloatAr
             fix="pair figures of the same seeds in the same order",
         )
     enough(len(one), FEWEST, "pairs", where="paired_effect")
-    if not 0.8 <= level <= 0.999:
-        raise EvidenceError(
-            "there is no interval of this level",
-            where="paired_effect",
-            expected="level in [0.8, 0.999]",
-            actual=str(level),
-            fix="choose a level of this range; 0.95 is usual",
-        )
-    differences = two - one
-    if not np.isfinite(differences).all():
-        raise EvidenceError(
-            "a figure isn't finite",
-            where="paired_effect",
-            expected="finite numbers",
-            actual=f"pair {int(np.flatnonzero(~np.isfinite(differences))[0])}",
-            fix="leave out pairs without a finite figure, and say so",
-        )
-    return differences
+    check_level(level, "paired_effect", most=0.999)
+    return figures(two - one, "paired_effect")
 
 
 def tango(more: int, less: int, n: int, level: float) -> tuple[float, float]:

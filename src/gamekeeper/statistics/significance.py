@@ -11,10 +11,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gamekeeper.errors import EvidenceError
+from gamekeeper.statistics.interval import LEVEL
 
 FloatArray = NDArray[np.float64]
 
-LEVEL: Final = 0.95
 ROUNDS: Final = 999
 """Permutations that are drawn; the least p-value is then 1 / 1,000."""
 
@@ -24,7 +24,7 @@ class Share:
     """Share of trials in which an event happened, with an interval.
 
     Attributes:
-        p: hits in looks; 0 where there was no look.
+        p: hits in trials; 0 where there was no trial.
         high: upper bound.
     """
 
@@ -39,29 +39,29 @@ def p_text(p: float) -> str:
     return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
 
 
-def wilson(hits: int, looks: int, *, level: float = LEVEL) -> Share:
+def wilson(hits: int, trials: int, *, level: float = LEVEL) -> Share:
     """The share of hits with Wilson's score interval, which covers for small counts too.
 
     Args:
-        hits: in [0, looks].
-        looks: without any the interval is [0, 1].
+        hits: in [0, trials].
+        trials: without any the interval is [0, 1].
         level: coverage, in (0, 1).
     Raises:
-        EvidenceError: more hits than looks, or a negative count.
+        EvidenceError: more hits than trials, or a negative count.
     Source: Wilson 1927; Brown, Cai & DasGupta 2001, "Interval estimation for a binomial
         proportion".
     """
-    _counted(hits, looks)
-    if looks == 0:
+    _counted(hits, trials)
+    if trials == 0:
         return Share(0.0, 0.0, 1.0, 0)
     z = NormalDist().inv_cdf(0.5 + level / 2)
-    p = hits / looks
-    centre = p + z * z / (2 * looks)
-    spread = z * sqrt(p * (1 - p) / looks + z * z / (4 * looks * looks))
-    scale = 1 + z * z / looks
+    p = hits / trials
+    centre = p + z * z / (2 * trials)
+    spread = z * sqrt(p * (1 - p) / trials + z * z / (4 * trials * trials))
+    scale = 1 + z * z / trials
     low = 0.0 if hits == 0 else max((centre - spread) / scale, 0.0)
-    high = 1.0 if hits == looks else min((centre + spread) / scale, 1.0)
-    return Share(p, low, high, looks)
+    high = 1.0 if hits == trials else min((centre + spread) / scale, 1.0)
+    return Share(p, low, high, trials)
 
 
 def permutation_test(
@@ -128,22 +128,22 @@ def sign_flip_test(differences: FloatArray, *, rng: Generator, rounds: int = ROU
     return float((1 + np.count_nonzero(others >= seen - 1e-12)) / (rounds + 1))
 
 
-def fisher_exact(hits: int, looks: int, other_hits: int, other_looks: int) -> float:
+def fisher_exact(hits: int, trials: int, other_hits: int, other_trials: int) -> float:
     """P-value of two shares being one, two-sided and exact, so that it holds for small counts.
 
     Args:
-        hits: in [0, looks]; other_hits likewise.
+        hits: in [0, trials]; other_hits likewise.
     Raises:
-        EvidenceError: more hits than looks, or a negative count.
+        EvidenceError: more hits than trials, or a negative count.
     Source: Fisher 1935, "The logic of inductive inference"; both tails as the sum of all tables
         with the same margins that are no likelier than the one seen.
     """
-    _counted(hits, looks)
-    _counted(other_hits, other_looks)
+    _counted(hits, trials)
+    _counted(other_hits, other_trials)
     total = hits + other_hits
     ways = {
-        k: comb(looks, k) * comb(other_looks, total - k)
-        for k in range(max(0, total - other_looks), min(looks, total) + 1)
+        k: comb(trials, k) * comb(other_trials, total - k)
+        for k in range(max(0, total - other_trials), min(trials, total) + 1)
     }
     return sum(count for count in ways.values() if count <= ways[hits]) / sum(ways.values())
 
@@ -163,13 +163,13 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
     return tuple(corrected)
 
 
-def _counted(hits: int, looks: int) -> None:
-    if not 0 <= hits <= looks:
+def _counted(hits: int, trials: int) -> None:
+    if not 0 <= hits <= trials:
         raise EvidenceError(
             "there are more hits than trials, or fewer than none",
             where="stats",
             expected="0 <= hits <= trials",
-            actual=f"{hits} of {looks}",
+            actual=f"{hits} of {trials}",
             fix="count hits among the trials",
         )
 

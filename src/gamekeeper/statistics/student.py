@@ -94,11 +94,11 @@ def series(z: float, freedom: Any) -> Any:
     return z + first / freedom + second / freedom**2
 
 
-def binomial_at_most(hits: int, looks: int, p: float) -> float:
-    """The chance of no more than so many hits (-1 and more) in so many looks."""
+def binomial_at_most(hits: int, trials: int, p: float) -> float:
+    """The chance of no more than so many hits (-1 and more) in so many trials."""
     if hits < 0:
         return 0.0
-    return 1.0 if hits >= looks else incomplete_beta(looks - hits, hits + 1, 1.0 - p)
+    return 1.0 if hits >= trials else incomplete_beta(trials - hits, hits + 1, 1.0 - p)
 
 
 def normal_tail(distance: float) -> float:

@@ -212,7 +212,7 @@ class ReplacementRunner(OpenSetup):
             stream=script.number,
             most_turns=max(most, 1),
             options=script.options,
-            looks_last=False,
+            asks_last=False,
         )
         return self._tracked(track, play)
 
@@ -255,7 +255,7 @@ class ReplacementRunner(OpenSetup):
             self._on_step()
 
     def _fresh(self, number: int) -> EpisodePlan:
-        return replace(self.plan(self.task.run_seed, number), looks_last=False)
+        return replace(self.plan(self.task.run_seed, number), asks_last=False)
 
     def _open_baseline(self) -> Any:
         """The policies that take agents' places.

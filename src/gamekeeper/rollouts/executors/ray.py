@@ -27,8 +27,8 @@ PATIENCE_S: Final = 0.2
 """Seconds of one wait, so that Ctrl-C gets through."""
 FAREWELL_S: Final = GRACE_S + 5.0
 """Seconds in which cancelled tasks may finalize their evidence and end."""
-LOOK_S: Final = 60.0
-"""Seconds in which a node must have looked at the storage; it starts a process for that."""
+TRY_S: Final = 60.0
+"""Seconds in which a node must have tried the storage; it starts a process for that."""
 LOSSES: Final = 10
 """Times that a task is placed anew after its node was lost.
 
@@ -108,16 +108,16 @@ class RayExecutor(Executor):
         """
         cluster = self._cluster()
         mark, nodes = token_hex(8), cluster.nodes()
-        names = [f"look.{mark}.{number}" for number in range(len(nodes))]
-        look = entry({"surroundings": surroundings()})
-        remote = cluster.ray.remote(max_retries=0, num_cpus=0)(look)
+        names = [f"storage.{mark}.{number}" for number in range(len(nodes))]
+        try_storage = entry({"surroundings": surroundings()})
+        remote = cluster.ray.remote(max_retries=0, num_cpus=0)(try_storage)
         asked = [
             remote.options(scheduling_strategy=cluster.on(node)).remote(
-                {"look": {"place": place, "name": name}}
+                {"storage": {"place": place, "name": name}}
             )
             for node, name in zip(nodes, names, strict=True)
         ]
-        ready, late = cluster.ray.wait(asked, num_returns=len(asked), timeout=LOOK_S)
+        ready, late = cluster.ray.wait(asked, num_returns=len(asked), timeout=TRY_S)
         for ref in late:
             cluster.ray.cancel(ref, force=True)
         seen = dict(zip(asked, zip(names, nodes, strict=True), strict=True))
@@ -222,7 +222,7 @@ def _answer(ray: Any, ref: Any, where: str) -> dict[str, Any]:
         raise GamekeeperError(
             "a node can't play",
             where=where,
-            actual=_last_line(error),
+            actual=(str(error).strip().splitlines() or [type(error).__name__])[-1][:300],
             fix="install Gamekeeper, and what the environment needs, on every node, or run from "
             "folders that all of them share",
         ) from error
@@ -241,7 +241,7 @@ def _judge(place: str, answers: Sequence[tuple[str, dict[str, Any]]], late: Sequ
         else:
             why = answer["error"] or "wrote to a place of its own"
             strangers.append(f"{answer['host']} ({why})")
-    strangers += [f"node {node[:12]} (no answer within {LOOK_S:g} s)" for node in late]
+    strangers += [f"node {node[:12]} (no answer within {TRY_S:g} s)" for node in late]
     if strangers:
         raise GamekeeperError(
             "not every node reaches the storage",
@@ -254,7 +254,3 @@ def _judge(place: str, answers: Sequence[tuple[str, dict[str, Any]]], late: Sequ
 
 def _first_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {str(error).strip().splitlines()[0][:300]}"
-
-
-def _last_line(error: BaseException) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[-1][:300]

@@ -296,16 +296,16 @@ def entry(common: Mapping[str, Any]) -> Callable[[Mapping[str, Any]], dict[str, 
 
 
 def obey(order: Mapping[str, Any]) -> dict[str, Any]:
-    """Plays a task, or looks at the storage, as the order says.
+    """Plays a task, or tries the storage, as the order says.
 
     Returns:
-        The fields of an `Outcome`; of a look: where it was (`host`) and the error, if any.
+        The fields of an `Outcome`; of a try of the storage: `host` and the `error`, if any.
     Raises:
         DependencyError: another Gamekeeper is installed here.
     """
     settle(order["surroundings"])
-    if "look" in order:
-        return look(**order["look"])
+    if "storage" in order:
+        return try_storage(**order["storage"])
     task, limits = WorkTask(**order["task"]), Limits(**order["limits"])
     stop = threading.Event()
     with interrupts(stop):
@@ -345,7 +345,7 @@ def staying() -> StayingWorker:
     return _staying[0]
 
 
-def look(place: str, name: str) -> dict[str, Any]:
+def try_storage(place: str, name: str) -> dict[str, Any]:
     """Puts a file into the storage, so that the driver may see whether both mean the same place."""
     from gamekeeper.errors import GamekeeperError
     from gamekeeper.rollouts.executors.storage import Storage

@@ -9,7 +9,12 @@ from gymnasium.spaces import Box
 from numpy.random import Generator
 
 from gamekeeper.episodes.outcome import Label
-from gamekeeper.rollouts.interventions.legal_actions import ActionPerturbation, Flags, Hand, Offer
+from gamekeeper.rollouts.interventions.legal_actions import (
+    ActionPerturbation,
+    Actuator,
+    Flags,
+    LegalActions,
+)
 from gamekeeper.rollouts.interventions.perturbation import Unit
 from gamekeeper.rollouts.interventions.value_parts import (
     Floats,
@@ -33,8 +38,8 @@ class ActionDropout(ActionPerturbation):
 
     strength: float = USUAL
 
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one episode."""
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent for one episode."""
         strength, last = self.strength, None
 
         def do(action: Any) -> Any:
@@ -42,8 +47,8 @@ class ActionDropout(ActionPerturbation):
             if rng.random() >= strength:
                 last = copy.deepcopy(action)
                 return action
-            if offer.has_noop:
-                return offer.noop(action)
+            if legal_actions.has_noop:
+                return legal_actions.noop(action)
             return action if last is None else copy.deepcopy(last)
 
         return do
@@ -65,17 +70,17 @@ class ActionNoise(ActionPerturbation):
     strength: float = USUAL
 
     @classmethod
-    def lacks(cls, offer: Offer) -> str | None:
+    def lacks(cls, legal_actions: LegalActions) -> str | None:
         """Not to an agent whose actions have no numbers."""
         return (
             None
-            if any(are_numbers(x.space) for x in offer.parts)
+            if any(are_numbers(x.space) for x in legal_actions.parts)
             else "its actions have no numbers"
         )
 
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one episode."""
-        numbers, strength = numbers_of(offer.parts), self.strength
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent for one episode."""
+        numbers, strength = numbers_of(legal_actions.parts), self.strength
 
         def do(action: Any) -> Any:
             for each in numbers:
@@ -85,7 +90,11 @@ class ActionNoise(ActionPerturbation):
                     noisy = None if found is None else found + noise
                 else:
                     draws = rng.random((2, each.size))
-                    noisy = None if found is None else _others(each, found, draws, strength, offer)
+                    noisy = (
+                        None
+                        if found is None
+                        else _others(each, found, draws, strength, legal_actions)
+                    )
                 if noisy is not None:
                     action = each.write(action, noisy)
             return action
@@ -94,10 +103,10 @@ class ActionNoise(ActionPerturbation):
 
 
 def _others(
-    numbers: PartNumbers, found: Floats, draws: Floats, strength: float, offer: Offer
+    numbers: PartNumbers, found: Floats, draws: Floats, strength: float, legal_actions: LegalActions
 ) -> Floats | None:
     """The numbers, with others where they are struck; None where nothing changes."""
-    flags = offer.flags(numbers.part)
+    flags = legal_actions.flags(numbers.part)
     changed = found.copy()
     for at in np.flatnonzero(draws[0] < strength):
         legal = _legal(numbers, int(at), flags)
@@ -130,13 +139,16 @@ class ActionSaturation(ActionPerturbation):
     strength: float = USUAL
 
     @classmethod
-    def lacks(cls, offer: Offer) -> str | None:
+    def lacks(cls, legal_actions: LegalActions) -> str | None:
         """Only to an agent whose actions are numbers of a bounded Box."""
-        return None if _continuous(offer) else NOT_CONTINUOUS
+        return None if _continuous(legal_actions) else NOT_CONTINUOUS
 
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one episode."""
-        ranges = [(each, *_range(each, offer, 1 - self.strength)) for each in _continuous(offer)]
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent for one episode."""
+        ranges = [
+            (each, *_range(each, legal_actions, 1 - self.strength))
+            for each in _continuous(legal_actions)
+        ]
 
         def do(action: Any) -> Any:
             for each, low, high in ranges:
@@ -151,13 +163,13 @@ class ActionSaturation(ActionPerturbation):
         return do
 
 
-def _continuous(offer: Offer) -> list[PartNumbers]:
-    found = numbers_of(part for part in offer.parts if isinstance(part.space, Box))
+def _continuous(legal_actions: LegalActions) -> list[PartNumbers]:
+    found = numbers_of(part for part in legal_actions.parts if isinstance(part.space, Box))
     return [each for each in found if each.is_bounded.any()]
 
 
-def _range(numbers: PartNumbers, offer: Offer, left: float) -> tuple[Floats, Floats]:
-    still = numbers.read(offer.noop(None)) if offer.has_noop else None
+def _range(numbers: PartNumbers, legal_actions: LegalActions, left: float) -> tuple[Floats, Floats]:
+    still = numbers.read(legal_actions.noop(None)) if legal_actions.has_noop else None
     centre = numbers.blank() if still is None else still
     ends = (np.where(numbers.is_bounded, end, centre) for end in (numbers.low, numbers.high))
     low, high = (centre + (end - centre) * left for end in ends)
@@ -178,8 +190,8 @@ class Frozen(ActionPerturbation):
 
     strength: float = USUAL
 
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one episode."""
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent for one episode."""
         strength, first = self.strength, list[Any]()
 
         def do(action: Any) -> Any:
@@ -207,15 +219,15 @@ class StickyActions(ActionPerturbation):
 
     strength: float = USUAL
 
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one episode."""
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent for one episode."""
         strength, last = self.strength, None
 
         def do(action: Any) -> Any:
             nonlocal last
             if rng.random() < strength and last is not None:
                 done = copy.deepcopy(last)
-                last = last if offer.allows(done) else offer.stand_in(action)
+                last = last if legal_actions.allows(done) else legal_actions.stand_in(action)
                 return done
             last = copy.deepcopy(action)
             return action

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.rollouts.intervention import Hooks, Intervention, PlacedHooks
-from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
+from gamekeeper.rollouts.interventions.legal_actions import LegalActions, legal_actions_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,17 +39,17 @@ class _Scripted(PlacedHooks):
     def __init__(self, change: Reenacted) -> None:
         super().__init__()
         self._free, self._script = frozenset(change.free), change.script
-        self._offers: dict[AgentId, Offer | None] = {}
+        self._legal_actions: dict[AgentId, LegalActions | None] = {}
 
     def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
         """Notes the mask."""
         if agent_name(agent) in self._free:
             return
-        if agent not in self._offers:
-            self._offers[agent] = offer_of(self.contract, self.env, agent)
-        offer = self._offers[agent]
-        if offer is not None:
-            offer.take(observation, info)
+        if agent not in self._legal_actions:
+            self._legal_actions[agent] = legal_actions_of(self.contract, self.env, agent)
+        legal_actions = self._legal_actions[agent]
+        if legal_actions is not None:
+            legal_actions.take(observation, info)
 
     def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
         """The script's actions where there are some."""
@@ -66,10 +66,10 @@ class _Scripted(PlacedHooks):
         written = None if name in self._free else script.get(name)
         if written is None:
             return chosen
-        offer = self._offers.get(agent)
-        if offer is None or offer.allows(written):
+        legal_actions = self._legal_actions.get(agent)
+        if legal_actions is None or legal_actions.allows(written):
             return copy.deepcopy(written)
-        return offer.stand_in(written)
+        return legal_actions.stand_in(written)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,13 @@ from typing import Any, ClassVar
 from numpy.random import Generator
 
 from gamekeeper.episodes.outcome import Label
-from gamekeeper.rollouts.interventions.legal_actions import ActionPerturbation, Hand, Offer
+from gamekeeper.rollouts.interventions.legal_actions import (
+    ActionPerturbation,
+    Actuator,
+    LegalActions,
+)
 from gamekeeper.rollouts.interventions.perturbation import Unit
-from gamekeeper.rollouts.interventions.sights import AgentSight, Eye, ObservationPerturbation
+from gamekeeper.rollouts.interventions.sensors import ObservationPerturbation, ObservedParts, Sensor
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +32,13 @@ class ActionDelay(ActionPerturbation):
 
     strength: float = USUAL
 
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one episode."""
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent for one episode."""
         turns, waiting = int(self.strength), deque[Any]()
 
         def do(action: Any) -> Any:
             waiting.append(copy.deepcopy(action))
-            return waiting.popleft() if len(waiting) > turns else offer.stand_in(action)
+            return waiting.popleft() if len(waiting) > turns else legal_actions.stand_in(action)
 
         return do
 
@@ -53,13 +57,13 @@ class ObservationDelay(ObservationPerturbation):
 
     strength: float = USUAL
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one episode."""
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent for one episode."""
         seen: deque[Any] = deque(maxlen=int(self.strength) + 1)
 
         def see(observation: Any) -> Any:
             seen.append(copy.deepcopy(observation))
-            return sight.as_now(seen[0], observation)
+            return observed.as_now(seen[0], observation)
 
         return see
 
@@ -80,17 +84,17 @@ class SlowerAgent(ActionPerturbation):
     strength: float = USUAL
 
     @classmethod
-    def lacks(cls, offer: Offer) -> str | None:
+    def lacks(cls, legal_actions: LegalActions) -> str | None:
         """Not to an agent without a declared noop: it can't wait."""
-        return None if offer.has_noop else "no action is declared that does nothing"
+        return None if legal_actions.has_noop else "no action is declared that does nothing"
 
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent for one episode."""
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent for one episode."""
         every, turn = int(self.strength) + 1, -1
 
         def do(action: Any) -> Any:
             nonlocal turn
             turn += 1
-            return offer.stand_in(action) if turn % every else action
+            return legal_actions.stand_in(action) if turn % every else action
 
         return do

@@ -33,7 +33,7 @@ from gamekeeper.rollouts.interventions.value_parts import (
 Flags = NDArray[np.bool_]
 
 
-class Offer:
+class LegalActions:
     """An agent's actions, as its space, its noop and its mask of the moment leave them.
 
     A mask counts for Discrete spaces and for MultiDiscrete ones of one axis, also within others;
@@ -58,8 +58,11 @@ class Offer:
         """Legal values of a part, for each of its whole numbers; None: all."""
         mask = self._mask
         for key in part.path:
-            inside = isinstance(mask, Mapping | tuple | list)
-            mask = _within(mask, key) if inside else None
+            if isinstance(mask, Mapping):
+                mask = mask.get(key)
+            else:
+                is_item = isinstance(mask, tuple | list) and isinstance(key, int)
+                mask = mask[key] if is_item and key < len(mask) else None
         if mask is None:
             return None
         if isinstance(part.space, Discrete):
@@ -123,17 +126,10 @@ class Offer:
         return numbers.write(action, numbers.low if is_listed else numbers.blank())
 
 
-def _within(mask: Any, key: Any) -> Any:
-    """The mask of one part within that of the whole; None where it has none."""
-    if isinstance(mask, Mapping):
-        return mask.get(key)
-    return mask[key] if isinstance(key, int) and key < len(mask) else None
-
-
-def offer_of(contract: Contract, env: Any, agent: AgentId) -> Offer | None:
+def legal_actions_of(contract: Contract, env: Any, agent: AgentId) -> LegalActions | None:
     """Actions that an agent may take; None where the environment doesn't say."""
     space = action_space(env, agent)
-    return None if space is None else Offer(contract, agent, space)
+    return None if space is None else LegalActions(contract, agent, space)
 
 
 def _noop(contract: Contract, agent: AgentId, space: Space[Any]) -> Any:
@@ -146,16 +142,16 @@ def _noop(contract: Contract, agent: AgentId, space: Space[Any]) -> Any:
         return None
 
 
-Hand = Callable[[Any], Any]
+Actuator = Callable[[Any], Any]
 """From what was chosen to what is done; called once at each of an agent's turns."""
 
 
 @dataclass(frozen=True, slots=True)
 class ActionPerturbation(Perturbation):
-    """Gives each agent a hand, which carries out something else than the agent chose.
+    """Gives each agent an actuator, which carries out something else than the agent chose.
 
-    What a hand does in place of what was chosen, and isn't legal now, gives way to the stand-in of
-    `Offer`: the declared noop, else the first legal action.
+    An actuator's action in place of the chosen one, where it isn't legal now, gives way to the
+    stand-in of `LegalActions`: the declared noop, else the first legal action.
     """
 
     ON: ClassVar[Literal["seen", "done"]] = "done"
@@ -165,32 +161,32 @@ class ActionPerturbation(Perturbation):
         return _ActionHooks(self, rng) if self.strength else Hooks()
 
     @abstractmethod
-    def hand(self, offer: Offer, rng: Generator) -> Hand:
-        """Returns the hand of an agent, for one episode; it never writes into what was chosen."""
+    def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
+        """Returns the actuator of an agent, for one episode; it never writes into what was chosen."""
 
     @classmethod
     def applies(cls, contract: Contract, env: Any, agent: AgentId) -> str | None:
         """Not where the environment doesn't say what an agent may do."""
-        offer = offer_of(contract, env, agent)
-        if offer is None:
+        legal_actions = legal_actions_of(contract, env, agent)
+        if legal_actions is None:
             return "the environment doesn't say what it may do"
-        return cls.lacks(offer)
+        return cls.lacks(legal_actions)
 
     @classmethod
-    def lacks(cls, offer: Offer) -> str | None:
+    def lacks(cls, legal_actions: LegalActions) -> str | None:
         """Returns why an agent's actions can't be perturbed like that; None where they can."""
         return None
 
 
 class _ActionHooks(PerturbationHooks):
-    """Hooks that give each agent a hand when it first acts."""
+    """Hooks that give each agent an actuator when it first acts."""
 
     wants_given = True
 
     def __init__(self, perturbation: ActionPerturbation, rng: Generator) -> None:
         super().__init__(perturbation, rng)
-        self._hand = perturbation.hand
-        self._hands: dict[AgentId, tuple[Offer, Hand] | None] = {}
+        self._actuator = perturbation.actuator
+        self._actuators: dict[AgentId, tuple[LegalActions, Actuator] | None] = {}
 
     def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
         """Notes the mask."""
@@ -209,13 +205,21 @@ class _ActionHooks(PerturbationHooks):
         found = self._of(agent)
         if found is None:
             return action
-        offer, hand = found
-        done = hand(action)
-        return done if done is action or offer.allows(done) else offer.stand_in(action)
+        legal_actions, actuator = found
+        done = actuator(action)
+        return (
+            done if done is action or legal_actions.allows(done) else legal_actions.stand_in(action)
+        )
 
-    def _of(self, agent: AgentId) -> tuple[Offer, Hand] | None:
-        if agent not in self._hands:
-            offer = offer_of(self.contract, self.env, agent) if self.is_meant(agent) else None
-            hand = None if offer is None else (offer, self._hand(offer, self.stream(agent)))
-            self._hands[agent] = hand
-        return self._hands[agent]
+    def _of(self, agent: AgentId) -> tuple[LegalActions, Actuator] | None:
+        if agent not in self._actuators:
+            legal_actions = (
+                legal_actions_of(self.contract, self.env, agent) if self.is_meant(agent) else None
+            )
+            actuator = (
+                None
+                if legal_actions is None
+                else (legal_actions, self._actuator(legal_actions, self.stream(agent)))
+            )
+            self._actuators[agent] = actuator
+        return self._actuators[agent]

@@ -9,7 +9,12 @@ from gymnasium.spaces import Discrete
 from numpy.random import Generator
 
 from gamekeeper.episodes.outcome import Label
-from gamekeeper.rollouts.interventions.sights import AgentSight, Eye, MessagePerturbation, blinder
+from gamekeeper.rollouts.interventions.sensors import (
+    MessagePerturbation,
+    ObservedParts,
+    Sensor,
+    blinder,
+)
 from gamekeeper.rollouts.interventions.value_parts import (
     MISSING,
     Floats,
@@ -32,9 +37,9 @@ class MessageDrop(MessagePerturbation):
 
     strength: float = USUAL
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one episode."""
-        deafen, strength = blinder(sight.messages), self.strength
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent for one episode."""
+        deafen, strength = blinder(observed.messages), self.strength
         return lambda observation: deafen(observation) if rng.random() < strength else observation
 
 
@@ -44,8 +49,8 @@ class MessageShuffle(MessagePerturbation):
 
     The agents are those that listen. Several numbers come in another order (a word that stands as
     a one among zeros becomes another word), one of a Discrete space becomes any of the space, and
-    a single number or a text becomes one that the agent was told before in the episode. The
-    strength is the probability at each turn.
+    a single number or a text becomes one that the agent got before in the episode. The strength
+    is the probability at each turn.
     """
 
     label: ClassVar[Label] = "perception"
@@ -53,39 +58,41 @@ class MessageShuffle(MessagePerturbation):
 
     strength: float = USUAL
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one episode."""
-        numbers, strength = numbers_of(sight.messages), self.strength
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent for one episode."""
+        numbers, strength = numbers_of(observed.messages), self.strength
         listed = {id(each.part) for each in numbers}
-        ears = [_ear(each, rng) for each in numbers]
-        ears += [_old_text(part, rng) for part in sight.messages if id(part) not in listed]
+        shufflers = [_shuffler(each, rng) for each in numbers]
+        shufflers += [_old_text(part, rng) for part in observed.messages if id(part) not in listed]
 
         def see(observation: Any) -> Any:
             is_struck = rng.random() < strength
-            for ear in ears:
-                shuffled = ear(observation)  # also where nothing is struck: it draws and remembers
+            for shuffler in shufflers:
+                shuffled = shuffler(
+                    observation
+                )  # also where nothing is struck: it draws and remembers
                 observation = shuffled if is_struck else observation
             return observation
 
         return see
 
 
-def _ear(numbers: PartNumbers, rng: Generator) -> Eye:
-    told: Callable[[Floats], Floats]
+def _shuffler(numbers: PartNumbers, rng: Generator) -> Sensor:
+    other: Callable[[Floats], Floats]
     if isinstance(numbers.part.space, Discrete):
         count = numbers.high[0] - numbers.low[0] + 1
-        told = partial(_any_number, numbers, count, rng)
+        other = partial(_any_number, numbers, count, rng)
     elif numbers.size > 1:
-        told = rng.permutation
+        other = rng.permutation
     else:
         memory: list[Floats] = []
-        told = partial(_any_of, memory, rng=rng)
+        other = partial(_any_of, memory, rng=rng)
 
-    def hear(observation: Any) -> Any:
+    def shuffle(observation: Any) -> Any:
         found = numbers.read(observation)
-        return observation if found is None else numbers.write(observation, told(found))
+        return observation if found is None else numbers.write(observation, other(found))
 
-    return hear
+    return shuffle
 
 
 def _any_number(numbers: PartNumbers, count: float, rng: Generator, found: Floats) -> Floats:
@@ -93,16 +100,16 @@ def _any_number(numbers: PartNumbers, count: float, rng: Generator, found: Float
     return numbers.low + float(int(rng.random() * count))
 
 
-def _old_text(part: ValuePart, rng: Generator) -> Eye:
+def _old_text(part: ValuePart, rng: Generator) -> Sensor:
     memory: list[Any] = []
 
-    def hear(observation: Any) -> Any:
+    def shuffle(observation: Any) -> Any:
         value = part.of(observation)
         return (
             observation if value is MISSING else part.put(observation, _any_of(memory, value, rng))
         )
 
-    return hear
+    return shuffle
 
 
 def _any_of(memory: list[Any], new: Any, rng: Generator) -> Any:

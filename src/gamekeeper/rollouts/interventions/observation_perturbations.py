@@ -13,11 +13,11 @@ from gamekeeper.episodes.message_field import message_field
 from gamekeeper.episodes.outcome import Label
 from gamekeeper.errors import SpecError
 from gamekeeper.rollouts.interventions.perturbation import Perturbation, Unit
-from gamekeeper.rollouts.interventions.sights import (
-    AgentSight,
-    Eye,
+from gamekeeper.rollouts.interventions.sensors import (
     NumberPerturbation,
     ObservationPerturbation,
+    ObservedParts,
+    Sensor,
     blinder,
 )
 from gamekeeper.rollouts.interventions.value_parts import Floats, ValuePart, named_parts
@@ -107,9 +107,9 @@ class ObservationDropout(ObservationPerturbation):
 
     strength: float = USUAL
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one episode."""
-        blind, strength = blinder(sight.parts), self.strength
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent for one episode."""
+        blind, strength = blinder(observed.parts), self.strength
         return lambda observation: blind(observation) if rng.random() < strength else observation
 
 
@@ -139,11 +139,11 @@ class OccludedFields(ObservationPerturbation):
         for name in self.fields or ():
             message_field(name)  # or a ContractError now, and not in the middle of an episode
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one episode."""
-        fields = _split(sight.parts)
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent for one episode."""
+        fields = _split(observed.parts)
         if self.fields is not None:
-            named = (named_parts(name, sight.space, sight.parts) for name in self.fields)
+            named = (named_parts(name, observed.space, observed.parts) for name in self.fields)
             fields = [each for parts in named for each in parts]
         count = int(np.ceil(self.strength * len(fields) - 1e-9))
         hidden = rng.permutation(len(fields))[:count]
@@ -188,8 +188,8 @@ class StaleMemory(ObservationPerturbation):
                 fix="let a burst last one turn or more",
             )
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one episode."""
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent for one episode."""
         strength, turns = self.strength, self.turns
         left, memory = 0, None
 
@@ -203,6 +203,6 @@ class StaleMemory(ObservationPerturbation):
             else:
                 left, memory = 0, copy.deepcopy(observation)
                 return observation
-            return sight.as_now(memory, observation)
+            return observed.as_now(memory, observation)
 
         return see

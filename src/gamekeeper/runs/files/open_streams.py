@@ -183,7 +183,8 @@ class StreamFiles:
             reader = SegmentReader(path, self.stream, salvage=self.salvage)
             for batch in reader:
                 self._widen(batch.schema)
-                last = self._last(batch)
+                if batch.num_rows:
+                    last = int(self._keys(batch.slice(batch.num_rows - 1))[0])
                 yield batch
             if reader.schema is not None:
                 self._widen(reader.schema)
@@ -208,10 +209,6 @@ class StreamFiles:
             if plain.num_rows:
                 self._widen(plain.schema)
                 yield plain
-
-    def _last(self, batch: pa.RecordBatch) -> int:
-        """Key of a batch's last row: its episode and turn."""
-        return int(self._keys(batch.slice(batch.num_rows - 1))[0]) if batch.num_rows else -1
 
     def _keys(self, batch: pa.RecordBatch) -> Keys:
         episode, turn = key_arrays(batch, self.stream, where=str(self.folder / self.stream))

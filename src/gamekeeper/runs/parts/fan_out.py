@@ -65,7 +65,7 @@ class PartProgress:
         """The first episode of the first part that failed; those after it aren't begun."""
         return min(self.errors, default=NEVER)
 
-    def look(self) -> None:
+    def take_whole_parts(self) -> None:
         """Takes the parts that are in storage already.
 
         Raises:
@@ -315,7 +315,7 @@ def record_apart(
     executor.check_storage(storage.place)
     playing = PartProgress(plan, storage, on_message)
     if claim(storage, plan):
-        playing.look()
+        playing.take_whole_parts()
     found, torn = len(playing.whole), 0
     try:
         while True:

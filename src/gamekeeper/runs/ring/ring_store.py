@@ -168,7 +168,9 @@ class RingStore(RunStore):
                     writer.write(_one(waiting))
                     waiting = []
             if waiting or not writer.size:
-                writer.write(_one(waiting or [_empty(writer.schema)]))
+                writer.write(
+                    _one(waiting) if waiting else pa.RecordBatch.from_pylist([], writer.schema)
+                )
         finally:
             writer.finish()
         return writer.size
@@ -252,7 +254,3 @@ def _without(batch: pa.RecordBatch, dropped: Any) -> pa.RecordBatch:
 def _one(batches: list[pa.RecordBatch]) -> pa.RecordBatch:
     """The batches as one."""
     return pa.Table.from_batches(batches).combine_chunks().to_batches()[0]
-
-
-def _empty(schema: pa.Schema) -> pa.RecordBatch:
-    return pa.RecordBatch.from_arrays([pa.array([], field.type) for field in schema], schema=schema)

@@ -1,4 +1,4 @@
-"""Sights of agents, and perturbations that show a policy something else than was given."""
+"""Sensors of agents: perturbations that show a policy something else than was given."""
 
 import copy
 from abc import abstractmethod
@@ -32,12 +32,12 @@ from gamekeeper.rollouts.interventions.value_parts import (
     seen_parts,
 )
 
-Eye = Callable[[Any], Any]
+Sensor = Callable[[Any], Any]
 """From what was given to what is shown; called once at each of an agent's turns."""
 
 
 @dataclass(frozen=True, slots=True)
-class AgentSight:
+class ObservedParts:
     """Fields of an agent's observation that a perturbation may touch.
 
     Attributes:
@@ -61,19 +61,19 @@ class AgentSight:
         return kept if mask is MISSING or place.of(kept) is MISSING else place.put(kept, mask)
 
 
-def sight_of(contract: Contract, env: Any, agent: AgentId) -> AgentSight | None:
+def observed_parts(contract: Contract, env: Any, agent: AgentId) -> ObservedParts | None:
     """Fields of an agent's observation; None where the environment doesn't say."""
     space = observation_space(env, agent)
     if space is None:
         return None
     mask = mask_path(contract, agent, space)
     parts, messages = seen_parts(contract, agent, space), message_parts(contract, agent, space)
-    return AgentSight(space, parts, messages, mask)
+    return ObservedParts(space, parts, messages, mask)
 
 
 @dataclass(frozen=True, slots=True)
 class ObservationPerturbation(Perturbation):
-    """Gives each agent an eye, which shows its policy something else than was given."""
+    """Gives each agent a sensor, which shows its policy something else than was given."""
 
     ON: ClassVar[Literal["seen", "done"]] = "seen"
 
@@ -82,21 +82,21 @@ class ObservationPerturbation(Perturbation):
         return _ObservationHooks(self, rng) if self.strength else Hooks()
 
     @abstractmethod
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent, for one episode; it never writes into what was given."""
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent, for one episode; it never writes into what was given."""
 
     @classmethod
     def applies(cls, contract: Contract, env: Any, agent: AgentId) -> str | None:
         """Not to an agent that sees nothing anyway."""
-        sight = sight_of(contract, env, agent)
-        if sight is None:
+        observed = observed_parts(contract, env, agent)
+        if observed is None:
             return "the environment doesn't say what it may see"
-        return cls.lacks(sight)
+        return cls.lacks(observed)
 
     @classmethod
-    def lacks(cls, sight: AgentSight) -> str | None:
-        """Returns why a sight can't be perturbed like that; None where it can."""
-        return None if sight.parts else "it sees nothing but its mask"
+    def lacks(cls, observed: ObservedParts) -> str | None:
+        """Returns why an agent can't be perturbed like that; None where it can."""
+        return None if observed.parts else "it sees nothing but its mask"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +109,9 @@ class NumberPerturbation(ObservationPerturbation):
     def offset(self, size: int, rng: Generator) -> Callable[[], Floats]:
         """Returns a function that gives [size] offsets turn by turn, in deviations."""
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one episode."""
-        offsets = [(each, self.offset(each.size, rng)) for each in numbers_of(sight.parts)]
+    def sensor(self, observed: ObservedParts, rng: Generator) -> Sensor:
+        """Returns the sensor of an agent for one episode."""
+        offsets = [(each, self.offset(each.size, rng)) for each in numbers_of(observed.parts)]
         strength = self.strength
 
         def see(observation: Any) -> Any:
@@ -124,9 +124,9 @@ class NumberPerturbation(ObservationPerturbation):
         return see
 
     @classmethod
-    def lacks(cls, sight: AgentSight) -> str | None:
+    def lacks(cls, observed: ObservedParts) -> str | None:
         """Returns why it can't be tried on an agent that sees no numbers."""
-        return None if numbers_of(sight.parts) else "nothing that it sees is a number"
+        return None if numbers_of(observed.parts) else "nothing that it sees is a number"
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,33 +134,33 @@ class MessagePerturbation(ObservationPerturbation):
     """Changes the declared message fields that an agent sees."""
 
     @classmethod
-    def lacks(cls, sight: AgentSight) -> str | None:
+    def lacks(cls, observed: ObservedParts) -> str | None:
         """Returns why it can't be tried on an agent that sees no declared message field."""
         declared = "no field that it sees is declared to carry messages"
-        return None if sight.messages else declared
+        return None if observed.messages else declared
 
 
 class _ObservationHooks(PerturbationHooks):
-    """Hooks that give each agent an eye when it first looks."""
+    """Hooks that give each agent a sensor when it first observes."""
 
     def __init__(self, perturbation: ObservationPerturbation, rng: Generator) -> None:
         super().__init__(perturbation, rng)
-        self._eye = perturbation.eye
-        self._eyes: dict[AgentId, Eye | None] = {}
+        self._sensor = perturbation.sensor
+        self._sensors: dict[AgentId, Sensor | None] = {}
 
     def sees(self, turn: int, agent: AgentId, observation: Any) -> Any:
         """Observation as the agent's sensor passes it on."""
-        if agent not in self._eyes:
-            self._eyes[agent] = self._opened(agent) if self.is_meant(agent) else None
-        eye = self._eyes[agent]
-        return observation if eye is None else eye(observation)
+        if agent not in self._sensors:
+            self._sensors[agent] = self._opened(agent) if self.is_meant(agent) else None
+        sensor = self._sensors[agent]
+        return observation if sensor is None else sensor(observation)
 
-    def _opened(self, agent: AgentId) -> Eye | None:
-        sight = sight_of(self.contract, self.env, agent)
-        return None if sight is None else self._eye(sight, self.stream(agent))
+    def _opened(self, agent: AgentId) -> Sensor | None:
+        observed = observed_parts(self.contract, self.env, agent)
+        return None if observed is None else self._sensor(observed, self.stream(agent))
 
 
-def blinder(parts: tuple[ValuePart, ...]) -> Eye:
+def blinder(parts: tuple[ValuePart, ...]) -> Sensor:
     """Shows nothing where these parts stand: 0 or what is nearest to it, no text, no items."""
     numbers = [(each, each.blank()) for each in numbers_of(joined(parts))]
     others = [part for part in parts if not are_numbers(part.space)]
