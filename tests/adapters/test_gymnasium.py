@@ -15,12 +15,13 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import gamekeeper as gk
 from gamekeeper.adapters.gymnasium import joint, single_agent, vector
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import OrderError, SpecError
 from gamekeeper.interface.policy import EVERYONE
 from tests.adapters.streams import ByWhatIsSeen, Stream, bare, chosen, of_episode, same
 
 SPREAD = "mpe2.simple_spread_v3:parallel_env"
 WORLDS = str(Path(__file__).parent.parent / "vector" / "worlds.py")
+SLOTS = str(Path(__file__).with_name("test_slots.py"))
 FOUR = "pettingzoo.classic.connect_four_v3:env"
 
 
@@ -122,6 +123,20 @@ def test_single_agent_names_who_has_no_policy() -> None:
         single_agent("warehouse", "picker_0", others={"carrier": "reference"})
     with pytest.raises(SpecError, match="no agent called"):
         single_agent("two_robot_line", "pilot", others="random")
+
+
+def test_single_agent_that_leaves_is_shown_its_last_observation() -> None:
+    """It left without an ending: terminated, and there is no further step before a reset."""
+    env = single_agent(f"{SLOTS}:Leaves", "a", others="random")
+    first, _ = env.reset(seed=1)
+    assert first == [1]
+    following, *_ = env.step(0)
+    assert following == [1]
+    last, _, terminated, truncated, _ = env.step(0)
+    assert (last.tolist(), terminated, truncated) == ([1], True, False)
+    with pytest.raises(OrderError, match="reset"):
+        env.step(0)
+    env.close()
 
 
 def test_single_agent_that_never_comes_is_refused() -> None:

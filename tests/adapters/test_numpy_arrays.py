@@ -78,6 +78,7 @@ def test_arrays_hold_pictures_texts_and_states(tmp_path: Path) -> None:
     assert told == [json.loads(text) for text in kept]
     np.testing.assert_array_equal([turn.state for turn in turns], arrays["state/value"])
     assert arrays["state/turn"].tolist() == [turn.index for turn in turns]
+    assert texts(arrays, "state/nonconforming") == [None] * len(turns)
 
 
 def test_metadata_says_what_the_run_was(tmp_path: Path) -> None:

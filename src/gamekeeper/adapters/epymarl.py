@@ -276,9 +276,9 @@ class MultiAgentEnv:
             if agent in ended:
                 self.terminations[i], self.truncations[i] = terms[agent], truncs[agent]
 
-    def _note_departures(self, gone: Any) -> None:
+    def _note_departures(self, departed: Any) -> None:
         """Notes agents that left without an ending as terminated."""
-        left = [i for i in gone.nonzero()[0] if self.agents[i] not in self._ended]
+        left = [i for i in departed.nonzero()[0] if self.agents[i] not in self._ended]
         self._ended.update(self.agents[i] for i in left)
         if left:
             self.terminations[left] = True

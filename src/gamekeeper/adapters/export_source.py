@@ -22,7 +22,7 @@ from gamekeeper.episodes.block import Text
 from gamekeeper.episodes.episode import Episode, Spaces, digests_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import value_columns
-from gamekeeper.episodes.plain_json import legible
+from gamekeeper.episodes.plain_json import fields_json, legible
 from gamekeeper.episodes.spaces import Codec, Leaf
 from gamekeeper.errors import EvidenceError
 from gamekeeper.runs.load_run import load
@@ -57,15 +57,7 @@ class Export:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper export --json` prints, but for the run's name."""
-        return {
-            "to": self.to,
-            "path": self.path,
-            "agents": list(self.agents),
-            "episodes": self.episodes,
-            "rows": self.rows,
-            "parts": list(self.parts),
-            "lost": list(self.lost),
-        }
+        return fields_json(self)
 
     def __str__(self) -> str:
         whole = f"{self.rows} rows of {self.episodes} episodes"

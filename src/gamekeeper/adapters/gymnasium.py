@@ -9,9 +9,10 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from gamekeeper.adapters.learner_steps import LearnerTicks, LearnerTurns
 from gamekeeper.adapters.requirements import require_policies
 from gamekeeper.episodes.exception_text import said_by
-from gamekeeper.errors import SpecError, check_choice
+from gamekeeper.errors import OrderError, SpecError, check_choice
 from gamekeeper.interface.action_mask import Reader, reader
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy
@@ -36,7 +37,7 @@ def single_agent(
     | | |
     |---|---|
     | kept | the agent's own spaces, end (terminated apart from truncated) and info; its rewards, all that it was paid between two of its decisions; the mask, in the info or the observation; seeds: `reset(seed=s)` is the environment's own |
-    | changed | what the others do until this agent decides first is played inside `reset`, in an AEC environment the turns until it decides again inside `step`. Who leaves without an ending counts as terminated, and is shown zeros where nothing was |
+    | changed | what the others do until this agent decides first is played inside `reset`, in an AEC environment the turns until it decides again inside `step`. Who leaves without an ending counts as terminated, and is shown its last observation again |
     | lost | what it was paid before its first decision; what happens after its end; episodes that it had no decision in (`reset` begins another one); the others' observations and rewards (`gk.record` keeps them) |
     | refused | an agent that nobody knows, or that has nothing to decide in 100 episodes; others without a policy |
 
@@ -84,10 +85,10 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         self.render_mode = getattr(opened.env, "render_mode", None)
         self.observation_space = self.env.observation_space(agent)
         self.action_space = self.env.action_space(agent)
-        self._policies, self._is_aec = policies, opened.api == "aec"
-        self._mask, self._seen = mask, (None, None)  # the last observation and info
+        self._policies, self._mask = policies, mask
+        kind = LearnerTurns if opened.api == "aec" else LearnerTicks
+        self._steps = kind(self.env, [agent], policies)
         self._seed, self._episode = 0, -1
-        self._given: tuple[Any, Any] = ({}, {})
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -100,15 +101,12 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         if seed is not None:
             self._seed, self._episode = seed, -1
-        more = {} if options is None else {"options": dict(options)}
         for _ in range(EPISODES):
             self._episode += 1
             self._policies.begin(self._seed, self._episode)
-            self._given = self.env.reset(seed=seed, **more) or ({}, {})
-            first = self._first_turn() if self._is_aec else self._first_tick()
-            if first is not None:
-                self._seen = first
-                return first[0], dict(first[1] or {})
+            first = self._steps.begin(seed, options).get(self.agent)
+            if first is not None and not first.ended:
+                return first.observation, dict(first.info or {})
             seed = None
         raise SpecError(
             f"{self.agent!r} has nothing to decide",
@@ -123,23 +121,23 @@ class AgentEnv(gymnasium.Env[Any, Any]):
 
         Raises:
             ActionError: the environment raised after the agent did what its mask forbids.
+            OrderError: the agent has ended, or there was no reset.
         """
+        seen = self._steps.live.get(self.agent)
+        if seen is None:
+            raise OrderError("the agent has no decision to make", where="step", fix="reset() first")
         try:
-            if self._is_aec:
-                self.env.step(action)
-            observation, reward, terminated, truncated, info = (
-                self._turns() if self._is_aec else self._tick(action)
-            )
+            after = self._steps.act({self.agent: action})[self.agent]
         except Exception as error:
-            space, mask = self.action_space, self._mask(*self._seen)
+            space, mask = self.action_space, self._mask(seen.observation, seen.info)
             masked = forbidden(
                 self.agent, action, space, mask, then=said_by(error), fix=FIX_OF_MASKED
             )
             if masked is None:
                 raise
             raise masked from error
-        self._seen = observation, info
-        return observation, float(reward), bool(terminated), bool(truncated), dict(info or {})
+        info = dict(after.info or {})
+        return after.observation, after.reward, after.terminated, after.truncated, info
 
     def render(self) -> Any:
         """Renders the environment."""
@@ -148,46 +146,6 @@ class AgentEnv(gymnasium.Env[Any, Any]):
     def close(self) -> None:
         """Closes the environment."""
         self.env.close()
-
-    def _tick(self, action: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """Plays a tick of all agents; `action` is the agent's, if it is live."""
-        (seen, infos), me = self._given, self.agent
-        acts = {
-            a: action if a == me else self._policies.act(a, seen[a], infos.get(a, {}))
-            for a in self.env.agents
-        }
-        out = self.env.step(acts)
-        self._given = out[0], out[4]
-        if me not in out[2] and me not in self.env.agents:
-            return nothing(self.observation_space), out[1].get(me, 0.0), True, False, {}
-        return out[0][me], out[1][me], out[2][me], out[3][me], out[4].get(me)
-
-    def _first_tick(self) -> tuple[Any, Any] | None:
-        """Returns the agent's first observation and info; None if it doesn't come."""
-        while self.env.agents:
-            if self.agent in self.env.agents:
-                return self._given[0][self.agent], self._given[1].get(self.agent)
-            self._tick(None)
-        return None
-
-    def _first_turn(self) -> tuple[Any, Any] | None:
-        """Returns the agent's first observation and info; None if it ends before its first turn."""
-        observation, _, terminated, truncated, info = self._turns()
-        return None if terminated or truncated else (observation, info)
-
-    def _turns(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Plays the others' turns; returns the agent's `last()` as its own turn comes."""
-        env, me = self.env, self.agent
-        while env.agents:
-            given: tuple[Any, Any, Any, Any, Any] = env.last()
-            if env.agent_selection == me:
-                return given
-            observation, _, terminated, truncated, info = given
-            if terminated or truncated:
-                env.step(None)
-            else:
-                env.step(self._policies.act(env.agent_selection, observation, info))
-        return nothing(self.observation_space), 0.0, True, False, {}
 
 
 def joint(

@@ -189,8 +189,6 @@ def prefix_of(agent: str) -> str:
 
 
 class _ArrayWriter:
-    """Writer of episode after episode into the arrays."""
-
     def __init__(self, spool: Spool, prefixes: Mapping[str, str]) -> None:
         self.spool, self.prefixes = spool, dict(prefixes)
         self.rows = 0
@@ -224,7 +222,7 @@ class _ArrayWriter:
         self.spool.add("state/episode", rows.numbers("episode")[0])
         self.spool.add("state/turn", rows.turns)
         self._values("state/value", rows.values_of("state", codec))
-        self._texts("state/odd", rows.texts("nonconforming"))
+        self._texts("state/nonconforming", rows.texts("nonconforming"))
 
     def _agent(self, prefix: str, rows: AgentRows) -> None:
         put = self.spool.add

@@ -127,7 +127,6 @@ class SlotView:
         return part if self._is_one else part[self._name]
 
     def _bare(self, obs: Any) -> Any:
-        """Returns an observation without the mask."""
         if not isinstance(obs, dict):
             return obs
         if self._key is not None:

@@ -64,7 +64,6 @@ class ForeignEnv(ParallelEnv[Any, Any, Any]):
     terms: dict[str, dict[str, float]]
 
     def __init__(self, guest: Any, *, name: str) -> None:
-        """Takes hold of an environment; nothing is called on it yet."""
         self.guest = guest
         found = getattr(guest, "metadata", None)
         kept = dict(found) if isinstance(found, Mapping) else {}

@@ -57,7 +57,6 @@ class OldGym(ForeignEnv):
     )
 
     def __init__(self, env: Any, *, name: str) -> None:
-        """Takes hold of an environment of the old shape."""
         super().__init__(env, name=name)
         acting, seeing = several(env.action_space), several(env.observation_space)
         self._is_list = acting is not None and (seeing is None or len(seeing) == len(acting))

@@ -61,7 +61,6 @@ class OneAgent(ForeignEnv):
     why = "there is one agent"
 
     def __init__(self, env: Any, *, name: str) -> None:
-        """Takes hold of an environment of one agent."""
         super().__init__(env, name=name)
         seen, done = as_gymnasium(env.observation_space), as_gymnasium(env.action_space)
         self._settle(numbered(1), [seen], [done])
@@ -103,7 +102,6 @@ class SeveralAgents(ForeignEnv):
     )
 
     def __init__(self, env: Any, seeing: list[Space], acting: list[Space], *, name: str) -> None:
-        """Takes hold of an environment of several agents, with their spaces in order."""
         super().__init__(env, name=name)
         limit = limit_of(getattr(env, "unwrapped", env))
         self._settle(numbered(len(acting)), seeing, acting, limit=limit)

@@ -90,13 +90,13 @@ class JaxMarl(ForeignEnv):
         return {agent: numpy_of(self._jax, observations[own]) for agent, own in self._own.items()}
 
     def _infos(self, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-        told = numpy_of(self._jax, dict(info))
+        shared = numpy_of(self._jax, dict(info))
         masks = None if self._masks is None else self._masks(self._state)
         infos: dict[str, dict[str, Any]] = {}
         for agent, own in self._own.items():
             info_of = infos[agent] = {
                 str(key): value[own] if isinstance(value, Mapping) and own in value else value
-                for key, value in told.items()
+                for key, value in shared.items()
             }
             if masks is not None:
                 info_of[MASK] = np.array(masks[own], dtype=np.int8)

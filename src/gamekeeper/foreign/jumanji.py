@@ -144,8 +144,8 @@ class Jumanji(ForeignEnv):
 
     def _infos(self, timestep: Any) -> dict[str, dict[str, Any]]:
         extras = timestep.extras if isinstance(timestep.extras, Mapping) else {}
-        told = numpy_of(self._jax, dict(extras))
-        return {agent: dict(told) for agent in self.possible_agents}
+        shared = numpy_of(self._jax, dict(extras))
+        return {agent: dict(shared) for agent in self.possible_agents}
 
     def _action_space(self, row: int) -> Space:
         spec = self.guest.action_spec

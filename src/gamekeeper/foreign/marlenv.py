@@ -37,7 +37,6 @@ class MarlEnv(ForeignEnv):
     )
 
     def __init__(self, env: Any, *, name: str) -> None:
-        """Takes hold of an environment of `marlenv`."""
         super().__init__(env, name=name)
         count = int(env.n_agents)
         seen: Space = Box(-np.inf, np.inf, tuple(env.observation_shape), np.float32)

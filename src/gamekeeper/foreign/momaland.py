@@ -103,7 +103,6 @@ class _Weighted:
     def __init__(
         self, env: Any, names: Sequence[str] | None, weights: Sequence[float] | None
     ) -> None:
-        """Takes hold of an environment; see `Objectives` for names and weights."""
         self.guest = env
         self.metadata, self.render_mode = env.metadata, getattr(env, "render_mode", None)
         self.possible_agents = list(env.possible_agents)

@@ -49,7 +49,6 @@ class PyMarl(ForeignEnv):
     )
 
     def __init__(self, env: Any, *, name: str) -> None:
-        """Takes hold of an environment with PyMARL's methods."""
         super().__init__(env, name=name)
         facts = env.get_env_info()
         limit = facts.get(LIMITED)

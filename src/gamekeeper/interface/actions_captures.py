@@ -5,7 +5,7 @@ are taken down as at every level, but for observations and infos of rows that ar
 """
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import repeat
 from operator import call, is_
 from typing import Any, Final
@@ -62,12 +62,24 @@ class _Witnessed(Capture):
         finally:
             self._state = state
 
+    def _commit_usual(
+        self, indexes: Sequence[int], payloads: Sequence[Any], paid: Sequence[Any]
+    ) -> None:
+        """Puts a usual turn on the buffer, its mark last."""
+        buffer, turn = self._buffer, self.turn
+        usual = buffer.usual
+        usual.agents.extend(indexes)
+        usual.actions.extend(payloads)
+        usual.rewards.extend(paid)
+        self.turn = turn + 1
+        buffer.turns.extend((self.episode, turn, -len(paid), *_UNTIMED_TURN, *self._state_entry))
+        self._state_entry = NO_STATE
+
 
 class ParallelActionsCapture(_Witnessed, ParallelCapture):
     """One live Parallel environment, recorded at level `actions`."""
 
     def __init__(self, env: Any, **settings: Any) -> None:
-        """Takes hold of a PettingZoo ParallelEnv; `settings` as in `Capture`."""
         super().__init__(env, **settings)
         self._is_usual = False  # the rows that wait are usual, and not written out
         self._indexes: list[int] = []
@@ -131,7 +143,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
                 paid.append(reward)
         except KeyError:
             return False
-        self._commit_usual(payloads, paid)
+        self._commit_usual(self._indexes, payloads, paid)
         return True
 
     def _pass_over(self, payloads: list[Any], parts: tuple[Any, ...]) -> None:
@@ -139,23 +151,12 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         rewards = parts[1]
         paid = list(rewards.values()) if rewards.__class__ in DICTS else []
         if paid and list(rewards) == self._who and _are_usual(paid):
-            self._commit_usual(payloads, paid)
+            self._commit_usual(self._indexes, payloads, paid)
         else:
             self._write_out()
             self._pay(_moves_of(payloads), rewards, _UNTIMED)
         self._stepped()
         self._give(*parts)
-
-    def _commit_usual(self, payloads: list[Any], paid: list[Any]) -> None:
-        """Puts a usual turn on the buffer, its mark last."""
-        buffer, turn = self._buffer, self.turn
-        usual = buffer.usual
-        usual.agents.extend(self._indexes)
-        usual.actions.extend(payloads)
-        usual.rewards.extend(paid)
-        self.turn = turn + 1
-        buffer.turns.extend((self.episode, turn, -len(paid), *_UNTIMED_TURN, *self._state_entry))
-        self._state_entry = NO_STATE
 
     def _book(self, turn: int, *env_step: Any) -> None:
         moves, *rest = env_step
@@ -270,15 +271,7 @@ class AECActionsCapture(_Witnessed, AECCapture):
         ):
             super().step(action)
             return
-        try:
-            self.env.step(action)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            self._broke_off(agent, index, payload, error)
-            raise
-        self._failure, self._seen = None, _NEVER
-        self._half = self.turn, agent, None, payload, None, _UNTIMED
+        self._step_usual(agent, index, payload, action)
         self._pay_usual(agent, index, payload)
         self._note(agent)
         self._half = None
@@ -295,25 +288,22 @@ class AECActionsCapture(_Witnessed, AECCapture):
             done = 0, payload, reward, self._terms_of(agent), None, entry
             self._put(agent, _usual_row(index), done, paid, _UNTIMED)
             return
-        self._commit_usual(index, payload, reward)
+        self._commit_usual((index,), (payload,), (reward,))
 
-    def _commit_usual(self, index: int, payload: Any, reward: Any) -> None:
-        """Puts a usual turn on the buffer, its mark last."""
-        buffer, turn = self._buffer, self.turn
-        usual = buffer.usual
-        usual.agents.append(index)
-        usual.actions.append(payload)
-        usual.rewards.append(reward)
-        self.turn = turn + 1
-        buffer.turns.extend((self.episode, turn, -1, *_UNTIMED_TURN, *self._state_entry))
-        self._state_entry = NO_STATE
-
-    def _broke_off(self, agent: AgentId, index: int, payload: Any, error: BaseException) -> None:
-        """Books a usual step that raised."""
-        self._seen, self._is_sure = _NEVER, False
-        done = 0, payload, None, None, type_name_of(type(error)), None
-        self._put(agent, _usual_row(index), done, [], _UNTIMED)
-        self.fail(traceback_text(error), in_step=True)
+    def _step_usual(self, agent: AgentId, index: int, payload: Any, action: Any) -> None:
+        """Steps the environment; its turn is booked by `_book` where nobody else comes to it."""
+        try:
+            self.env.step(action)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            self._quiet_below, self._seen, self._is_sure = 0, _NEVER, False
+            done = 0, payload, None, None, type_name_of(type(error)), None
+            self._put(agent, _usual_row(index), done, [], _UNTIMED)
+            self.fail(traceback_text(error), in_step=True)
+            raise
+        self._failure, self._seen = None, _NEVER
+        self._half = self.turn, agent, None, payload, None, _UNTIMED
 
     def _book(self, turn: int, *env_step: Any) -> None:
         agent, given, *rest = env_step
@@ -349,16 +339,11 @@ class AECActionsCapture(_Witnessed, AECCapture):
         if self._is_witness(agent):
             return super()._given(agent, index)
         seen = OBSERVED if self._seen is not _NEVER and self._seen == agent else None
-        fields: list[str] = []
-        flags = [
-            flag_of(entry_of(book, agent), name, fields)
-            for name, book in (
-                ("terminated", self._books.terminations),
-                ("truncated", self._books.truncations),
-            )
-        ]
+        books, fields = self._books, list[str]()
+        terminated = flag_of(entry_of(books.terminations, agent), "terminated", fields)
+        truncated = flag_of(entry_of(books.truncations, agent), "truncated", fields)
         live = agent in self._live
-        return index, seen, None, None, *flags, None, live, tuple(fields) or None
+        return index, seen, None, None, terminated, truncated, None, live, tuple(fields) or None
 
 
 class BookkeptActionsCapture(AECActionsCapture, BookkeptCapture):
@@ -394,16 +379,7 @@ class BookkeptActionsCapture(AECActionsCapture, BookkeptCapture):
         if payload is None:
             self._step_any(action)
             return
-        try:
-            self.env.step(action)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            self._quiet_below = 0
-            self._broke_off(agent, index, payload, error)
-            raise
-        self._failure, self._seen = None, _NEVER
-        self._half = self.turn, agent, None, payload, None, _UNTIMED
+        self._step_usual(agent, index, payload, action)
         touched, coming = books.touched, self.turn + 1
         reward, paid = books.rewards.get(agent), touched.paid
         if (
@@ -418,7 +394,7 @@ class BookkeptActionsCapture(AECActionsCapture, BookkeptCapture):
             self._note(agent)
             self._settle()
         else:
-            self._commit_usual(index, payload, reward)
+            self._commit_usual((index,), (payload,), (reward,))
         self._half = None
 
     def _step_any(self, action: Any) -> None:

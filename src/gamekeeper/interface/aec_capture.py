@@ -45,7 +45,6 @@ class AECCapture(Capture):
     api = "aec"
 
     def __init__(self, env: Any, **settings: Any) -> None:
-        """Takes hold of a PettingZoo AECEnv; `settings` as in `Capture`."""
         super().__init__(env, **settings)
         self._books = env
         self._roster: list[AgentId] = []

@@ -99,7 +99,6 @@ class Snapshot:
     _held: bytes | dict[str, Any]
 
     def __repr__(self) -> str:
-        """Names the class and no contents."""
         return f"<Snapshot of a {self.of.__qualname__}>"
 
 
@@ -113,11 +112,11 @@ def take(env: object, without: Collection[str]) -> Snapshot:
     Raises:
         ContractError: an attribute can't be copied at all; names it.
     """
-    kept = {name: value for name, value in _attributes(env).items() if name not in without}
+    attributes = {name: value for name, value in _attributes(env).items() if name not in without}
     try:
-        return Snapshot(type(env), pickle.dumps(kept, pickle.HIGHEST_PROTOCOL))
+        return Snapshot(type(env), pickle.dumps(attributes, pickle.HIGHEST_PROTOCOL))
     except Exception:  # a local class, a lambda, a handle: each raises what it likes
-        return Snapshot(type(env), _deeply(kept))
+        return Snapshot(type(env), _deeply(attributes))
 
 
 def put_back(env: object, snapshot: Snapshot, without: Collection[str]) -> None:
@@ -136,20 +135,20 @@ def put_back(env: object, snapshot: Snapshot, without: Collection[str]) -> None:
         )
     held = snapshot._held
     # our own bytes, made in this process by take(): never anything that was read from a file
-    kept = pickle.loads(held) if isinstance(held, bytes) else copy.deepcopy(held)
+    attributes = pickle.loads(held) if isinstance(held, bytes) else copy.deepcopy(held)
     for name in _attributes(env):
-        if name not in kept and name not in without:
+        if name not in attributes and name not in without:
             object.__delattr__(env, name)
-    for name, value in kept.items():
+    for name, value in attributes.items():
         object.__setattr__(env, name, value)
 
 
-def _deeply(kept: dict[str, Any]) -> dict[str, Any]:
+def _deeply(attributes: dict[str, Any]) -> dict[str, Any]:
     """A deep copy, or an error that names the attribute that stands in its way."""
     try:
-        return copy.deepcopy(kept)
+        return copy.deepcopy(attributes)
     except Exception as error:
-        for name, value in kept.items():
+        for name, value in attributes.items():
             try:
                 copy.deepcopy(value)
             except Exception:
@@ -191,7 +190,7 @@ FIXED: Final = frozenset(  # never part of a snapshot: they don't change, or are
 
 
 class Authored(AuthorCalls):
-    """The author's surface; see `TurnEnv`, where it is told whole."""
+    """The author's surface; see `TurnEnv`, which documents all of it."""
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # PettingZoo declares it so
     contract: str | PathLike[str] | Contract | None = None
@@ -447,7 +446,6 @@ class Authored(AuthorCalls):
         return plays, played
 
     def _refused(self, agent: Any, action: Any) -> ActionError:
-        """Names agent, action, space and mask."""
         return refused(agent, action, self.action_space(agent), self._legal_of(agent))
 
     def _legal_of(self, agent: Any) -> Any:
@@ -553,8 +551,6 @@ def _cast(seen: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
 
 
 def _with_mask(view: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """The same, with the mask."""
-
     def masked(self: Any, agent: Any) -> Any:
         return self._masked(agent, view(self, agent))
 

@@ -304,7 +304,6 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         return self.__turns_to_come(max_iter)
 
     def __turns_to_come(self, left: int) -> Iterator[Any]:
-        """Yields the agent in turn until nobody is left."""
         while left > 0 and self.agents:
             if not self.__stepped:
                 raise OrderError(

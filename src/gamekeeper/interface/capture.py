@@ -182,8 +182,8 @@ class Capture:
         error, self._failure = self._failure, None
         end = "failed" if error is not None else end
         opening = None if self.openings is None else self.openings.end()
-        told = self._endings(), self._action_types(), opening
-        self._buffer.ends.append(EpisodeEnd(self.episode, end, self.turn, error, *told))
+        columns = self._endings(), self._action_types(), opening
+        self._buffer.ends.append(EpisodeEnd(self.episode, end, self.turn, error, *columns))
         self.sink.keep_up()
 
     def _action_types(self) -> str:

@@ -34,7 +34,6 @@ class CastError(Exception):
     """A value that its space has no exact form for."""
 
     def __init__(self, expected: str, actual: str, fix: str, path: str = "") -> None:
-        """Takes the words, and the place in a nested value as Python subscripts."""
         super().__init__(expected, actual)
         self.expected, self.actual, self.fix, self.path = expected, actual, fix, path
 

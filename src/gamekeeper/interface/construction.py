@@ -1,4 +1,4 @@
-"""Running foreign code to find and build environments: prints to stderr, failures told in full."""
+"""Running foreign code to find and build environments: prints to stderr, failures shown in full."""
 
 import contextlib
 import copy
@@ -54,9 +54,9 @@ def foreign(doing: str, *, where: str, pip: str = "") -> Iterator[None]:
     except (GamekeeperError, KeyboardInterrupt):
         raise
     except BaseException as error:  # also SystemExit and what test runners derive from it
-        said = said_by(error)
+        reason = said_by(error)
         raise SpecError(
-            f"{doing} raised {said}",
+            f"{doing} raised {reason}",
             where=where,
             actual=f"\n{foreign_traceback(error)}",
             fix=_fix(error, pip, where),
@@ -66,11 +66,11 @@ def foreign(doing: str, *, where: str, pip: str = "") -> Iterator[None]:
 def foreign_traceback(error: BaseException) -> str:
     """The traceback as text, without frames of ours and of the import machinery."""
     try:
-        told = traceback.TracebackException.from_exception(error, limit=-MOST_FRAMES)
-        told.stack = traceback.StackSummary.from_list(
-            [frame for frame in told.stack if not frame.filename.startswith(_PASSAGES)]
+        summary = traceback.TracebackException.from_exception(error, limit=-MOST_FRAMES)
+        summary.stack = traceback.StackSummary.from_list(
+            [frame for frame in summary.stack if not frame.filename.startswith(_PASSAGES)]
         )
-        return cut("".join(told.format()).rstrip(), MOST_CHARS)
+        return cut("".join(summary.format()).rstrip(), MOST_CHARS)
     except KeyboardInterrupt:
         raise
     except BaseException:  # attributes that raise when they are looked at
@@ -187,16 +187,16 @@ def _refused(error: TypeError, source: Source, kwargs: Mapping[str, Any]) -> Spe
 
 
 def _misfit(
-    source: Source, said: str, kwargs: Mapping[str, Any], *, takes: str, missing: Sequence[str]
+    source: Source, reason: str, kwargs: Mapping[str, Any], *, takes: str, missing: Sequence[str]
 ) -> SpecError:
     fix = "name only arguments that the factory takes"
     if missing:
-        said = f"{', '.join(map(repr, missing))} must be given"
+        reason = f"{', '.join(map(repr, missing))} must be given"
         document = ", ".join(f'"{name}": ...' for name in missing)
         python = ", ".join(f"{name}=..." for name in missing)
         fix = f"give a value to each: --kwargs '{{{document}}}', in Python gk.make(..., {python})"
     return SpecError(
-        f"the arguments don't fit {source.spec}: {said}",
+        f"the arguments don't fit {source.spec}: {reason}",
         where="keyword arguments",
         expected=takes,
         actual=", ".join(f"{name}={value!r}"[:80] for name, value in kwargs.items()) or "none",

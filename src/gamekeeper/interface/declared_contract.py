@@ -193,16 +193,16 @@ def _horizon_mistakes(contract: Contract, opened: Opened) -> Iterator[Gamekeeper
     if horizon is None or not isinstance(own, Authored):
         return
     try:
-        kept = own.known_sections()["schedule"].horizon
+        own_horizon = own.known_sections()["schedule"].horizon
         is_own = own.declared == contract
     except ContractError:  # its own contract can't be read, and isn't the one that is asked for
         return
-    if kept is not None and kept != horizon and not is_own:
+    if own_horizon is not None and own_horizon != horizon and not is_own:
         yield _place(contract, "schedule", "horizon").error(
-            f"the environment truncates after {kept} ticks",
-            expected=str(kept),
+            f"the environment truncates after {own_horizon} ticks",
+            expected=str(own_horizon),
             actual=horizon,
-            fix=f"write horizon = {kept}, or build the environment with horizon={horizon}",
+            fix=f"write horizon = {own_horizon}, or build the environment with horizon={horizon}",
         )
 
 

@@ -65,7 +65,7 @@ class NotHereError(SpecError):
 class Opener(Protocol):
     """A way of naming environments: a module of `openers` or `foreign`, or an entry point's object.
 
-    Optional: `ORDER`, a number (50 unless told; smaller is asked earlier), and `distrust(spec)`,
+    Optional: `ORDER`, a number (default 50; smaller is asked earlier), and `distrust(spec)`,
     which says without running anything why the environment must not be opened unasked, or None;
     without it, evidence from elsewhere can never have such an environment opened.
     """

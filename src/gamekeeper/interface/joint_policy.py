@@ -93,25 +93,25 @@ def assign(
 def _resolved(policies: Choices) -> dict[str, Chosen]:
     if not isinstance(policies, Mapping):
         policies = {EVERYONE: DEFAULT if policies is None else policies}
-    named = {agent_name(whom): choice for whom, choice in policies.items()}
+    named = {agent_name(place): choice for place, choice in policies.items()}
     chosen = {
-        whom: resolve(choice) for whom, choice in named.items() if shared_with(choice) is None
+        place: resolve(choice) for place, choice in named.items() if shared_with(choice) is None
     }
     if EVERYONE not in named:
         chosen[EVERYONE] = resolve(DEFAULT)
     own = dict(chosen)
-    for whom, choice in named.items():
+    for place, choice in named.items():
         other = shared_with(choice)
         if other is not None and other not in own:
             raise PolicyError(
-                f"no policy is chosen for {other!r}, so {whom!r} can't share it",
+                f"no policy is chosen for {other!r}, so {place!r} can't share it",
                 where="policies",
                 expected=", ".join(sorted(own)),
-                actual=f"{whom}={choice}",
+                actual=f"{place}={choice}",
                 fix=f"choose a policy for {other!r} first",
             )
         if other is not None:
-            chosen[whom] = own[other]
+            chosen[place] = own[other]
     return chosen
 
 
@@ -124,15 +124,15 @@ def _apart(policies: Choices, chosen: Mapping[str, Chosen]) -> frozenset[str]:
     and a trainer's model without a `reset`.
     """
     whole = policies if isinstance(policies, Mapping) else {EVERYONE: policies}
-    named = {agent_name(whom): choice for whom, choice in whole.items()}
+    named = {agent_name(place): choice for place, choice in whole.items()}
     owners = {shared_with(choice) for choice in named.values()}
     return frozenset(
-        whom
-        for whom, choice in named.items()
+        place
+        for place, choice in named.items()
         if isinstance(choice, str)
-        and whom not in owners
+        and place not in owners
         and shared_with(choice) is None
-        and _is_copied(choice, chosen[whom])
+        and _is_copied(choice, chosen[place])
     )
 
 
@@ -152,14 +152,14 @@ def _copied(chosen: Chosen) -> Chosen | None:
 
 
 def _check_known(chosen: Mapping[str, Chosen], known: Collection[str]) -> None:
-    for whom, choice in chosen.items():
-        if whom != EVERYONE and whom not in known:
+    for place, choice in chosen.items():
+        if place != EVERYONE and place not in known:
             raise PolicyError(
-                f"a policy is chosen for {whom!r}, which is no agent and no role here"
-                f"{nearest(whom, known)}",
+                f"a policy is chosen for {place!r}, which is no agent and no role here"
+                f"{nearest(place, known)}",
                 where="policies",
                 expected=", ".join(sorted(known)),
-                actual=f"{whom}={choice.name}",
+                actual=f"{place}={choice.name}",
                 fix="name an agent or a role of this environment, or choose one policy for all",
             )
 
@@ -187,17 +187,17 @@ class JointPolicy:
         # One object in several places goes by the first of their names, and is reset once under it.
         names: dict[int, str] = {}
         self._objects = {
-            whom: whom
+            place: place
             if isinstance(one.policy, ModuleType)  # a built-in: it remembers nothing
-            or whom in apart
-            else names.setdefault(id(one.policy), whom)
-            for whom, one in sorted(chosen.items())
+            or place in apart
+            else names.setdefault(id(one.policy), place)
+            for place, one in sorted(chosen.items())
         }
         self._resets = {
-            whom: one
-            for whom, one in sorted(chosen.items())
-            if self._objects[whom] == whom
-            and whom not in apart
+            place: one
+            for place, one in sorted(chosen.items())
+            if self._objects[place] == place
+            and place not in apart
             and callable(getattr(one.policy, "reset", None))
         }
         self._action_space, self._roles = action_space, roles
@@ -217,18 +217,18 @@ class JointPolicy:
         """
         self._run_seed, self._episode = run_seed, episode
         self._playing, self._rngs, self._is_begun = {}, {}, True
-        for whom, chosen in [*self._resets.items(), *sorted(self._own.items())]:
-            self._reset(whom, chosen)
+        for place, chosen in [*self._resets.items(), *sorted(self._own.items())]:
+            self._reset(place, chosen)
 
-    def _reset(self, whom: str, chosen: Chosen) -> None:
+    def _reset(self, name: str, chosen: Chosen) -> None:
         if not callable(getattr(chosen.policy, "reset", None)):
             return
         # A stream of its own: what the policy does with it must not repeat an agent's draws.
-        stream = policy_rng(self._run_seed, self._episode, f"reset of {whom}")
+        stream = policy_rng(self._run_seed, self._episode, f"reset of {name}")
         try:
             reset_policy(chosen.policy, int(stream.integers(1 << 31)))
         except (Exception, SystemExit) as error:
-            raise raised(chosen, whom, error) from error
+            raise raised(chosen, name, error) from error
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         """The action of a live agent.
@@ -283,10 +283,10 @@ class JointPolicy:
         What functions keep in their modules is shared, as Python copies no function.
         """
         chosen = {
-            whom: one
+            place: one
             if isinstance(one.policy, ModuleType)
             else replace(one, policy=copy.deepcopy(one.policy, memo))
-            for whom, one in self._chosen.items()
+            for place, one in self._chosen.items()
         }
         copied = JointPolicy(
             chosen,
@@ -376,24 +376,24 @@ class JointPolicy:
 
         Objects that aren't copied for agents of their own stay as they are.
         """
-        kept: list[tuple[dict[str, Chosen], list[str], Chosen]] = []
+        copies: list[tuple[dict[str, Chosen], list[str], Chosen]] = []
         names = {agent_name(agent) for agent in agents}
         for agent in sorted(names):
             place, one = self._place_of(agent), self.chosen_for(agent)
             copied = _copied(one) if self.is_renewed(agent) else None
             if copied is not None and place in self._apart:
-                kept.append((self._own, [agent], copied))
+                copies.append((self._own, [agent], copied))
             elif copied is not None:
-                places = [whom for whom, x in self._chosen.items() if x.policy is one.policy]
-                kept.append((self._chosen, places, copied))
+                places = [place for place, x in self._chosen.items() if x.policy is one.policy]
+                copies.append((self._chosen, places, copied))
 
         def renew() -> None:
-            for table, places, copied in kept:
+            for table, places, copied in copies:
                 policy = copy.deepcopy(copied.policy)
-                for whom in places:
-                    table[whom] = replace(table[whom], policy=policy)
-                    if table is self._chosen and whom in self._resets:
-                        self._resets[whom] = table[whom]
+                for place in places:
+                    table[place] = replace(table[place], policy=policy)
+                    if table is self._chosen and place in self._resets:
+                        self._resets[place] = table[place]
             self._starts = {a: x for a, x in self._starts.items() if agent_name(a) not in names}
 
         return renew
@@ -427,9 +427,9 @@ class JointPolicy:
 
     def _place_of(self, agent: Any) -> str:
         """Returns what an agent's policy was chosen for: itself, its role, or everyone."""
-        for whom in (agent_name(agent), self._roles(agent)):
-            if whom is not None and whom in self._chosen:
-                return whom
+        for place in (agent_name(agent), self._roles(agent)):
+            if place is not None and place in self._chosen:
+                return place
         return EVERYONE
 
     def _enter(self, agent: Any) -> Player:

@@ -46,7 +46,6 @@ class AsOldGym:
     """
 
     def __init__(self, env: Any) -> None:
-        """Takes hold of a ParallelEnv; its possible agents are all that will ever be."""
         self.env = env
         self.agents: list[Any] = list(env.possible_agents)
         self.n_agents = len(self.agents)

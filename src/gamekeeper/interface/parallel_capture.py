@@ -33,7 +33,6 @@ class ParallelCapture(Capture):
     api = "parallel"
 
     def __init__(self, env: Any, **settings: Any) -> None:
-        """Takes hold of a PettingZoo ParallelEnv; `settings` as in `Capture`."""
         super().__init__(env, **settings)
         self._who: list[AgentId] = []  # the agents of the rows that wait for an action
         self._givers: list[tuple[int, Pack]] = []  # index and observation packer of each of them

@@ -78,12 +78,12 @@ def masks_blamed_on(given: AgentSlot, mask: object) -> Iterator[None]:
             raise RuntimeError(
                 f"the action mask of {given.agent!r} can't be read: {said_by(raised)}"
             ) from raised
-        told = error if isinstance(error, PolicyError) else PolicyError(message(error))
+        refusal = error if isinstance(error, PolicyError) else PolicyError(message(error))
         raise PolicyError(
             f"the action mask of {given.agent!r} doesn't fit its action space",
             where=given.mask or "action_mask in the observation or the info",
-            expected=told.expected or f"a mask for {given.space}",
-            actual=told.actual or told.what,
+            expected=refusal.expected or f"a mask for {given.space}",
+            actual=refusal.actual or refusal.what,
             fix=f"say where the mask stands: roles.{given.role or '<role>'}.mask in the contract",
         ) from error
 
@@ -107,7 +107,7 @@ class Policy(Protocol):
 
     Optional: `version`, a text kept with the evidence; `reset(seed)` or `reset()`, called before
     each episode, with a whole number in [0, 2**31) that depends on the run's seed, the episode and
-    whom it plays.
+    the agent that it plays.
     All randomness should come from `rng`, a stream of the agent's own for the episode.
     """
 
@@ -253,25 +253,25 @@ def parse_choices(texts: Iterable[str]) -> dict[str, str]:
     """
     choices: dict[str, str] = {}
     for text in texts:
-        whom, equals, name = text.partition("=")
-        if not equals or any(mark in whom for mark in ":/\\"):  # the = of a path or of an argument
-            whom, name = EVERYONE, text
-        whom, name = whom.strip(), name.strip()
-        if not whom or not name:
+        place, equals, name = text.partition("=")
+        if not equals or any(mark in place for mark in ":/\\"):  # the = of a path or of an argument
+            place, name = EVERYONE, text
+        place, name = place.strip(), name.strip()
+        if not place or not name:
             raise PolicyError(
                 "a policy is incomplete",
                 expected="[AGENT|ROLE=]POLICY",
                 actual=repr(text),
                 fix="put a policy behind the equals sign: picker_0=random",
             )
-        if whom in choices:
+        if place in choices:
             raise PolicyError(
-                f"two policies for {'everyone' if whom == EVERYONE else whom}",
+                f"two policies for {'everyone' if place == EVERYONE else place}",
                 expected="one",
-                actual=f"{choices[whom]!r} and {name!r}",
+                actual=f"{choices[place]!r} and {name!r}",
                 fix="name one policy for each agent or role",
             )
-        choices[whom] = name
+        choices[place] = name
     return choices
 
 
@@ -379,11 +379,11 @@ def guarded(slot: AgentSlot, chosen: Chosen, policy: Policy) -> Start:
     return start
 
 
-def raised(chosen: Chosen, whom: Any, error: BaseException) -> PolicyError:
-    """The error that names who failed, for whom, with the traceback as text."""
+def raised(chosen: Chosen, player: Any, error: BaseException) -> PolicyError:
+    """Error that names the policy and its agent, with the traceback as text."""
     return PolicyError(
-        f"the policy {chosen.name} raised for {whom!r}: {said_by(error)}",
-        where=str(whom),
+        f"the policy {chosen.name} raised for {player!r}: {said_by(error)}",
+        where=str(player),
         actual=f"\n{foreign_traceback(error)}",
         fix="fix the policy, or give the agent another one",
     )

@@ -41,7 +41,6 @@ class _RecordedEnv:
         return getattr(self._capture.env, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Sets the attribute on the environment inside."""
         if name in OWN:
             object.__setattr__(self, name, value)
         else:
@@ -75,7 +74,6 @@ class _RecordedEnv:
 
 
 def _handed_on(name: str) -> property:
-    """The environment's own attribute or method of that name."""
     return property(
         lambda wrapped: getattr(wrapped._capture.env, name), doc=f"The environment's own `{name}`."
     )

@@ -53,7 +53,7 @@ def apis() -> dict[str, tuple[str, ...]]:
 
 
 def source_of(env_id: str, api: str | None) -> Source:
-    """The source of a registered id; the parallel one where both APIs have it, unless told.
+    """The source of a registered id; parallel by default where both APIs have it.
 
     Raises:
         SpecError: its module can't be imported.

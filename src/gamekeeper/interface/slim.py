@@ -117,7 +117,6 @@ class SlimToAEC(ToAEC):
     def __init__(
         self, env: ParallelEnv[Any, Any, Any], promises: Promises, replaced: tuple[str, ...]
     ) -> None:
-        """Takes the Parallel environment, what the wrappers promised, and their names."""
         super().__init__(env)
         if hasattr(self, "terms"):  # the converter doesn't tell reward terms
             del self.terms
@@ -160,7 +159,6 @@ class SlimParallel(ToParallel):
     """
 
     def __init__(self, env: AECEnv[Any, Any, Any]) -> None:
-        """Takes the AEC environment, slim already."""
         super().__init__(env)
         if self._rewards.has_terms:  # the converter doesn't tell reward terms
             self._rewards.has_terms = False

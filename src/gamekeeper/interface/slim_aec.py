@@ -59,7 +59,6 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
     def __init__(
         self, env: AECEnv[Any, Any, Any], promises: Promises, replaced: tuple[str, ...] = ()
     ) -> None:
-        """Takes the environment that the wrappers had inside, what they promised, their names."""
         super().__init__()
         self.env = env
         self.promises, self.replaced = promises, replaced

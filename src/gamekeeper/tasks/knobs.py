@@ -135,13 +135,12 @@ class Knobs:
                 actual=strangers[0],
                 fix="set the knob for an agent or a role of the task",
             )
-        checked = {whom: _checked(name, value) for whom, value in setting.items()}
+        checked = {target: _checked(name, value) for target, value in setting.items()}
         pairs = zip(self.agents, roles, strict=True)
         return [checked.get(agent, checked.get(role, 0.0)) for agent, role in pairs]
 
 
 def _checked(name: str, value: Any) -> float:
-    """The value as a number in its range."""
     unit = "in whole turns" if name in COUNTS else "as a probability, at most 1"
     if name == "observation_noise":
         unit = "as a standard deviation"

@@ -101,11 +101,11 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
         }
         if "final_obs" not in infos:
             return found
-        finals, told, places = infos["final_obs"], infos["final_info"], np.flatnonzero(ended)
+        finals, final_infos, places = infos["final_obs"], infos["final_info"], np.flatnonzero(ended)
         at = finals.rows[places // self.count], places % self.count
         found["final_obs"] = FinalObs(self.num_envs, places, changed(finals.tree, itemgetter(at)))
         agents = self.venv.groups[0].agents
-        found["final_info"] = AgentInfos(self.num_envs, places, told, agents)
+        found["final_info"] = AgentInfos(self.num_envs, places, final_infos, agents)
         found["_final_obs"] = found["_final_info"] = ended
         return found
 

@@ -75,7 +75,7 @@ class FinalObs(FinalRows):
         self.tree = tree
 
     def row(self, row: int) -> Any:
-        """Returns what the agents of a sub-environment saw last."""
+        """Returns the last observations of a sub-environment's agents."""
         return changed(self.tree, itemgetter(row))
 
 
@@ -83,23 +83,23 @@ class FinalInfos(FinalRows):
     """Last infos, by agent.
 
     Args:
-        told: infos of the agents that have a last observation, by sub-environment.
+        infos: infos of the agents that have a last observation, by sub-environment.
     """
 
-    def __init__(self, num_envs: int, told: Mapping[int, Mapping[AgentId, Any]]) -> None:
-        super().__init__(num_envs, np.fromiter(told, np.intp, len(told)))
-        self._told = told
+    def __init__(self, num_envs: int, infos: Mapping[int, Mapping[AgentId, Any]]) -> None:
+        super().__init__(num_envs, np.fromiter(infos, np.intp, len(infos)))
+        self._infos = infos
 
     def row(self, row: int) -> Any:
-        """Returns what the agents of a sub-environment were told last."""
-        return self._told[int(self.envs[row])]
+        """Returns the last infos of a sub-environment's agents."""
+        return self._infos[int(self.envs[row])]
 
     def absent(self, agents: Sequence[AgentId]) -> NDArray[np.bool_]:
         """Returns where these agents have no last observation, [row, agent]."""
-        own = getattr(self._told, "absent", None)
+        own = getattr(self._infos, "absent", None)
         if own is not None:
             return np.asarray(own(agents))
-        return np.array([[agent not in one for agent in agents] for one in self._told.values()])
+        return np.array([[agent not in one for agent in agents] for one in self._infos.values()])
 
 
 class AgentInfos(FinalRows):
@@ -108,17 +108,17 @@ class AgentInfos(FinalRows):
     Args:
         num_envs: number of these sub-environments.
         envs: those whose agents ended.
-        told: infos by agent, for each copy.
+        infos: infos by agent, for each copy.
         agents: of every copy, in their order.
     """
 
     def __init__(
-        self, num_envs: int, envs: NDArray[np.intp], told: FinalRows, agents: Sequence[AgentId]
+        self, num_envs: int, envs: NDArray[np.intp], infos: FinalRows, agents: Sequence[AgentId]
     ) -> None:
         super().__init__(num_envs, envs)
-        self._told, self._agents = told, agents
+        self._infos, self._agents = infos, agents
 
     def row(self, row: int) -> Any:
-        """Returns what an agent was told last."""
+        """Returns the last info of an agent."""
         copy, place = divmod(int(self.envs[row]), len(self._agents))
-        return self._told[copy].get(self._agents[place], {})
+        return self._infos[copy].get(self._agents[place], {})

@@ -204,7 +204,6 @@ class TickBuffer(KernelBuffer):
     given_more = (("present", "?"), ("began", "?"))
 
     def __init__(self, batch: Batch, *, is_next: bool) -> None:
-        """As of all buffers."""
         super().__init__(batch, is_next=is_next)
         a = batch.arrays
         for name, array in (("cumulative_reward", a.rewards), ("ended", a.live), ("cut", a.live)):

@@ -21,7 +21,7 @@ from gamekeeper.kernels.kernel_env import KernelRules, KernelTurns
 from gamekeeper.rollouts.interrupts import HeldInterrupt
 from gamekeeper.vector.kernel_buffer import KernelBuffer, TickBuffer, TurnBuffer
 from gamekeeper.vector.kernel_columns import KernelColumns
-from gamekeeper.vector.sub_env_block import Autoreset, Said
+from gamekeeper.vector.sub_env_block import Autoreset, StepOutputs
 from gamekeeper.vector.vector_form import VectorForm, VectorGroup
 from gamekeeper.vector.vector_rows import FLUSH_S, Batches, Recording, never
 
@@ -67,7 +67,7 @@ class KernelRecorder:
         self._flushed_s = time.monotonic()
 
     def begin(self, options: Any) -> None:
-        """The run has begun; `options` is what its resets were told."""
+        """The run has begun; `options` are those of its resets."""
         self.is_begun = True
         self._options = None if options is None else to_json(options)
         self._buffer.begin()
@@ -155,7 +155,7 @@ class KernelEngine:
         """Makes the batch.
 
         Args:
-            wants_infos: hand out what agents are told at every step.
+            wants_infos: infos are handed out at every step.
             layout: the columns of its evidence.
             in_turn_first: of several that end together who would be in turn has its last turn
                 first.
@@ -171,14 +171,16 @@ class KernelEngine:
         if threads > 1:
             self._options["threads"] = threads
         self._size, self._layout, self._in_turn_first = num_envs, layout, in_turn_first
-        # masks of who has just ended are told with the infos
-        self._tells = wants_infos or self._is_masked_dict()
+        # masks of agents that have just ended stand in the infos
+        self._has_infos = wants_infos or self._is_masked_dict()
         self._batch = self._new_batch()
         self.arrays = self._by_form()
         self._recorder: KernelRecorder | None = None
 
     def _new_batch(self) -> Batch:
-        return Batch(self._kernel, self._size, infos=self._tells, make=self._make, **self._options)
+        return Batch(
+            self._kernel, self._size, infos=self._has_infos, make=self._make, **self._options
+        )
 
     def _is_masked_dict(self) -> bool:
         spaces_ = [group.observation_space for group in self._kernel.groups]
@@ -186,14 +188,14 @@ class KernelEngine:
             isinstance(space, spaces.Dict) and MASK in space.spaces for space in spaces_
         )
 
-    def reset(self, seed: int, options: Any) -> Said:
+    def reset(self, seed: int, options: Any) -> StepOutputs:
         """Begins a run; a kernel has no options, so they are only recorded."""
         self._batch.reset(seed)
         if self._recorder is not None:
             self._recorder.begin(options)
-        return self._said(is_reset=True)
+        return self._outputs(is_reset=True)
 
-    def step(self) -> Said:
+    def step(self) -> StepOutputs:
         """One step of every copy.
 
         Raises:
@@ -204,7 +206,7 @@ class KernelEngine:
             self._batch.step()
         else:
             self._recorder.step()
-        return self._said(is_reset=False)
+        return self._outputs(is_reset=False)
 
     def _judge_boxes(self) -> None:
         """Continuous actions of the living lie within their bounds; the batch looks at others."""
@@ -232,8 +234,8 @@ class KernelEngine:
 
     def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
         """Every copy's rows go to `out` from its next episode on."""
-        if not self._tells:
-            self._tells = True
+        if not self._has_infos:
+            self._has_infos = True
             self._made.clear()
             self._batch = self._new_batch()
             self.arrays = self._by_form()
@@ -273,7 +275,7 @@ class KernelEngine:
             g, _, leaf = rest.partition(".")
             k, first = self._places[int(g)]
             batched = self._made.get(f"{kind}.{k}.{leaf}" if leaf else f"{kind}.{k}")
-            if batched is None or batched.shape[-1:] == (0,):  # a mask in a Dict, or told by rules
+            if batched is None or batched.shape[-1:] == (0,):  # a mask in a Dict, or given by rules
                 found[name] = np.zeros(shape, dtype)
             elif batched.shape == shape:
                 found[name] = batched
@@ -283,11 +285,11 @@ class KernelEngine:
 
     # -- after a step
 
-    def _said(self, *, is_reset: bool) -> Said:
-        batch, arrays, said = self._batch, self.arrays, Said()
+    def _outputs(self, *, is_reset: bool) -> StepOutputs:
+        batch, arrays, outputs = self._batch, self.arrays, StepOutputs()
         arrays["episode"][...] = batch.records["number"]
         if self._wants_infos:
-            self._tell(said, is_reset=is_reset)
+            self._put_infos(outputs, is_reset=is_reset)
         self._fill_masks()
         a = batch.arrays
         if is_reset:
@@ -296,10 +298,10 @@ class KernelEngine:
             ended = np.flatnonzero(a.ended | (a.terminated | a.truncated).any(1))
             self._fill_finals(ended)
             masks = [flags[ended] for flags in self._masks("final_mask")]
-            said.read_final = KernelFinals(
+            outputs.read_final = KernelFinals(
                 self._infos, ended, a.final_infos[ended], masks, a.last[ended]
             )
-        return said
+        return outputs
 
     def _fill_masks(self) -> None:
         """Masks within observations, and none for who isn't there."""
@@ -315,7 +317,11 @@ class KernelEngine:
                 continue
             if leaf is not None:
                 arrays[f"obs.{g}.{leaf}"][...] = mask
-            if self._tells and not is_aec and (arrays["terminated"] | arrays["truncated"]).any():
+            if (
+                self._has_infos
+                and not is_aec
+                and (arrays["terminated"] | arrays["truncated"]).any()
+            ):
                 mask[~live] = 0
 
     def _fill_finals(self, ended: NDArray[np.intp]) -> None:
@@ -336,19 +342,19 @@ class KernelEngine:
 
     # -- infos, as its environments give them
 
-    def _tell(self, said: Said, *, is_reset: bool) -> None:
+    def _put_infos(self, outputs: StepOutputs, *, is_reset: bool) -> None:
         a = self._batch.arrays
         if self._form.api == "aec":
             goes_on = np.flatnonzero(~a.over)
             masks = [flags[goes_on] for flags in self._masks("mask")]
             rows = self._infos.of_turns(a.infos[goes_on], masks, a.turn[goes_on])
-            said.infos.update(zip(goes_on.tolist(), rows, strict=True))
+            outputs.infos.update(zip(goes_on.tolist(), rows, strict=True))
             return
         present = a.live.copy()
         if not is_reset:
             goes_on = ~a.ended | a.over  # the others show an episode that has just begun
             present[goes_on] |= (a.terminated | a.truncated)[goes_on]
-        said.infos.update(enumerate(self._infos.of_all(a.infos, self._masks("mask"), present)))
+        outputs.infos.update(enumerate(self._infos.of_all(a.infos, self._masks("mask"), present)))
 
     def _masks(self, kind: str) -> list[NDArray[Any]]:
         """The masks of each of the kernel's groups; none where it has none."""
@@ -392,25 +398,24 @@ class Infos:
     """Builds the infos of some copies at once: a list of each field first, dictionaries last."""
 
     def __init__(self, kernel: Kernel) -> None:
-        """Takes the kernel whose infos they are."""
         self._kernel, self.agents = kernel, kernel.agents
         self._groups = [
             (k, group, i) for k, group in enumerate(kernel.groups) for i in range(group.count)
         ]
 
     def of_all(
-        self, told: NDArray[Any], masks: list[NDArray[Any]], present: NDArray[np.bool_]
+        self, fields: NDArray[Any], masks: list[NDArray[Any]], present: NDArray[np.bool_]
     ) -> list[dict[Any, Info]]:
         """By copy: agent to info, of those who are present.
 
         Args:
-            told: [copy, agent] the fields of the kernel's infos.
+            fields: [copy, agent] the fields of the kernel's infos.
             masks: of each group [copy, agent, flags]; empty without masks.
             present: [copy, agent].
         """
         names = self._kernel.agents
         columns = [
-            self._rows(told[:, a], group, masks[k][:, i] if masks else None)
+            self._rows(fields[:, a], group, masks[k][:, i] if masks else None)
             for a, (k, group, i) in enumerate(self._groups)
         ]
         rows = zip(*columns, strict=True)
@@ -422,23 +427,23 @@ class Infos:
         ]
 
     def of_turns(
-        self, told: NDArray[Any], masks: list[NDArray[Any]], turn: NDArray[Any]
+        self, fields: NDArray[Any], masks: list[NDArray[Any]], turn: NDArray[Any]
     ) -> list[dict[Any, Info]]:
-        """By copy: the agent in turn to its info; `told` [copy], masks [copy, flags]."""
-        rows = self._rows(told, self._kernel.groups[0], masks[0] if masks else None)
+        """By copy: the agent in turn to its info; `fields` [copy], masks [copy, flags]."""
+        rows = self._rows(fields, self._kernel.groups[0], masks[0] if masks else None)
         names = self._kernel.agents
         return [{names[a]: info} for a, info in zip(turn.tolist(), rows, strict=True)]
 
     def _rows(
-        self, told: NDArray[Any], group: KernelGroup, flags: NDArray[Any] | None
+        self, fields: NDArray[Any], group: KernelGroup, flags: NDArray[Any] | None
     ) -> list[Info]:
         columns: dict[str, list[Any]] = {}
         if self._kernel.info:
-            columns = {name: _listed(told[name]) for name in told.dtype.names or ()}
+            columns = {name: _listed(fields[name]) for name in fields.dtype.names or ()}
         if flags is not None:
             columns[MASK] = _mask_values(flags, group.action_space)
         if not columns:
-            return [{} for _ in range(len(told))]
+            return [{} for _ in range(len(fields))]
         names = tuple(columns)
         return [dict(zip(names, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
@@ -461,7 +466,7 @@ class KernelFinals(Mapping[int, Mapping[Any, Info]]):
 
     Args:
         envs: [row], the copies.
-        told: [row, agent], the fields of the kernel's infos.
+        fields: [row, agent], the fields of the kernel's infos.
         masks: of each group [row, agent, flags].
         last: [row, agent], agents that have a last observation.
     """
@@ -470,19 +475,19 @@ class KernelFinals(Mapping[int, Mapping[Any, Info]]):
         self,
         infos: Infos,
         envs: NDArray[np.intp],
-        told: NDArray[Any],
+        fields: NDArray[Any],
         masks: list[NDArray[Any]],
         last: NDArray[np.bool_],
     ) -> None:
         self._infos, self._envs, self._last = infos, envs, last
-        self._told, self._masks = told, masks
+        self._fields, self._masks = fields, masks
 
     def __getitem__(self, env: int) -> Mapping[Any, Info]:
         (rows,) = np.nonzero(self._envs == env)
         if not len(rows):
             raise KeyError(env)
         masks = [flags[rows] for flags in self._masks]
-        return self._infos.of_all(self._told[rows], masks, self._last[rows])[0]
+        return self._infos.of_all(self._fields[rows], masks, self._last[rows])[0]
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._envs.tolist())

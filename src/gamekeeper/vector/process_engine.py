@@ -24,7 +24,7 @@ from gamekeeper.interface.slim import slim
 from gamekeeper.rollouts.interrupts import HeldInterrupt
 from gamekeeper.rollouts.worker_process import WorkerProcess
 from gamekeeper.vector.serial_engine import block_of, failure
-from gamekeeper.vector.sub_env_block import Autoreset, Said, SubEnvBlock
+from gamekeeper.vector.sub_env_block import Autoreset, StepOutputs, SubEnvBlock
 from gamekeeper.vector.vector_form import (
     SharedMemory,
     VectorForm,
@@ -50,7 +50,7 @@ class SubEnvs:
     """The sub-environments of a run, as every worker builds its share of them.
 
     Attributes:
-        wants_infos: hand out what agents are told at every step.
+        wants_infos: infos are handed out at every step.
     """
 
     spec: object
@@ -70,8 +70,8 @@ class SubEnvs:
     def from_json(cls, data: Mapping[str, Any]) -> SubEnvs:
         """From plain data."""
         kwargs: Any = from_json(data["kwargs"])
-        told = data["contract"]
-        contract = None if told is None else Contract.from_json(told)
+        declared = data["contract"]
+        contract = None if declared is None else Contract.from_json(declared)
         return cls(**{**data, "kwargs": kwargs, "contract": contract})
 
 
@@ -134,12 +134,12 @@ class ProcessEngine:
         process = WorkerProcess(order, dict(os.environ), pass_fds=(self._shared.fd,))
         return _Worker(process, first, last)
 
-    def reset(self, seed: int, options: Any) -> Said:
+    def reset(self, seed: int, options: Any) -> StepOutputs:
         """Begins a run in every worker."""
         self._tell({"do": "reset", "seed": seed, "options": to_json(options)})
         return self._gather(self._timeout_s)
 
-    def step(self) -> Said:
+    def step(self) -> StepOutputs:
         """One step of every copy."""
         self._tell({"do": "step"})
         return self._gather(self._timeout_s)
@@ -158,15 +158,14 @@ class ProcessEngine:
     def _tell(self, message: Mapping[str, Any]) -> None:
         """Tells every worker, once all have answered what an interrupt left unanswered."""
         self._gather(self._timeout_s)
-        with HeldInterrupt():  # all are told, or none
+        with HeldInterrupt():  # every worker gets the message, or none
             for worker in self._workers:
                 if not worker.is_gone:
                     worker.unanswered += 1
                     worker.process.send(message)
 
-    def _gather(self, timeout_s: float) -> Said:
-        """Waits for every worker's answer."""
-        said = Said()
+    def _gather(self, timeout_s: float) -> StepOutputs:
+        outputs = StepOutputs()
         for worker in self._workers:
             answer = None
             while worker.unanswered and not worker.is_gone:
@@ -174,10 +173,10 @@ class ProcessEngine:
             if answer is None:
                 continue
             for e, text in answer.get("infos", {}).items():
-                said.infos[worker.first + int(e)] = _infos(text)
+                outputs.infos[worker.first + int(e)] = _infos(text)
             for e, text in answer.get("final", {}).items():
-                said.final[worker.first + int(e)] = _infos(text)
-        return said
+                outputs.final[worker.first + int(e)] = _infos(text)
+        return outputs
 
     def _answer(self, worker: _Worker, timeout_s: float) -> dict[str, Any] | None:
         """Answer of a worker; None where it is gone and the others go on."""
@@ -266,7 +265,6 @@ def _nowhere(batches: Batches) -> None:
 
 
 def _infos(text: str) -> dict[Any, Any]:
-    """Infos by agent, as a worker wrote them."""
     found: Any = from_json(text)
     return dict(found)
 
@@ -283,7 +281,7 @@ def _shares(count: int, workers: int) -> list[tuple[int, int]]:
 def block_task(
     report: Any, *, envs: Mapping[str, Any], plan: list[Any], fd: int, first: int, last: int
 ) -> None:
-    """Builds copies `first` to before `last`, and steps them whenever it is told to."""
+    """Builds copies `first` to before `last`, and steps them at each message that asks for it."""
     memory = attached(fd, size_of(plan))
     os.close(fd)
     arrays = part(arrays_in(memory, plan), slice(first, last))
@@ -321,19 +319,19 @@ def _obey(report: Any, block: SubEnvBlock, message: Mapping[str, Any], wants_inf
     try:
         if message["do"] == "reset":
             options: Any = from_json(message["options"])
-            said = block.reset(message["seed"], options)
+            outputs = block.reset(message["seed"], options)
         elif message["do"] == "record":
-            said = Said()
+            outputs = StepOutputs()
             recording = Recording.from_json(message["recording"])
             block.record(recording, lambda batches: report(rows=to_text(batches)))
         elif message["do"] == "end_recording":
-            said = Said()
+            outputs = StepOutputs()
             block.end_recording()
         else:
-            said = block.step()
+            outputs = block.step()
     except Exception as error:  # the environment's; the process stays, its parent decides
         report(error=said_by(error), traceback=foreign_traceback(error))
         return
-    final = {str(e): to_json(infos) for e, infos in said.final.items()}
-    infos = {str(e): to_json(given) for e, given in said.infos.items()} if wants_infos else {}
+    final = {str(e): to_json(infos) for e, infos in outputs.final.items()}
+    infos = {str(e): to_json(given) for e, given in outputs.infos.items()} if wants_infos else {}
     report(final=final, infos=infos)

@@ -7,7 +7,7 @@ from gamekeeper.episodes.exception_text import said_by
 from gamekeeper.errors import ActionError, EnvError, GamekeeperError
 from gamekeeper.interface.construction import foreign_traceback
 from gamekeeper.interface.legality import forbidden
-from gamekeeper.vector.sub_env_block import Autoreset, Said, SubEnvBlock
+from gamekeeper.vector.sub_env_block import Autoreset, StepOutputs, SubEnvBlock
 from gamekeeper.vector.tick_block import TickBlock
 from gamekeeper.vector.turn_block import TurnBlock
 from gamekeeper.vector.vector_form import Arrays, VectorForm, arrays_in, own_memory
@@ -51,7 +51,6 @@ class SerialEngine:
     def __init__(
         self, envs: Sequence[Any], form: VectorForm, *, autoreset: Autoreset, wants_infos: bool
     ) -> None:
-        """Takes hold of the copies."""
         plan = form.plan(len(envs))
         self.arrays = arrays_in(own_memory(plan), plan)
         self.failed: Mapping[int, str] = {}
@@ -65,14 +64,14 @@ class SerialEngine:
             wants_infos=wants_infos,
         )
 
-    def reset(self, seed: int, options: Any) -> Said:
+    def reset(self, seed: int, options: Any) -> StepOutputs:
         """Begins a run."""
         try:
             return self._block.reset(seed, options)
         except Exception as error:
             raise self._named(error) from error
 
-    def step(self) -> Said:
+    def step(self) -> StepOutputs:
         """One step of every copy."""
         try:
             return self._block.step()

@@ -20,7 +20,7 @@ AUTORESETS: Final = ("same_step", "next_step")
 
 
 @dataclass(slots=True)
-class Said:
+class StepOutputs:
     """Outputs that no array holds: infos by env and agent, as they came.
 
     Attributes:
@@ -57,7 +57,7 @@ class SubEnvBlock:
             arrays: of these slots alone, by the names of `VectorForm.plan`.
             first: number of the first slot.
             slots: number of all slots of the run, N.
-            wants_infos: hand out what agents are told at every step.
+            wants_infos: infos are handed out at every step.
             after_env: called after each copy, as a sign of life.
         """
         self.envs, self.form, self.autoreset = list(envs), form, autoreset
@@ -76,17 +76,17 @@ class SubEnvBlock:
         ]
         self._group_of = [g for g, group in enumerate(form.groups) for _ in group.agents]
 
-    def reset(self, seed: int, options: Any = None) -> Said:
+    def reset(self, seed: int, options: Any = None) -> StepOutputs:
         """Begins a run: every slot plays its first episode."""
         self._seeds, self._options = EpisodeSeeds(seed), options
-        said = Said()
+        outputs = StepOutputs()
         for name in ("rewards", "terminated", "truncated", "over", "ended"):
             self._arrays[name][...] = 0
         for e in range(len(self.envs)):
             self._episodes[e] = self._first + e
-            self._begin(e, said)
+            self._begin(e, outputs)
         self._pour()
-        return said
+        return outputs
 
     def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
         """Every copy's rows go to `out` from its next episode on."""
@@ -102,12 +102,11 @@ class SubEnvBlock:
                     env.end_episode()
                 self._shelf.flush()
 
-    def step(self) -> Said:
+    def step(self) -> StepOutputs:
         """One step of every copy, with the actions that stand in the arrays."""
         raise NotImplementedError
 
-    def _begin(self, e: int, said: Said) -> None:
-        """Begins the copy's episode."""
+    def _begin(self, e: int, outputs: StepOutputs) -> None:
         raise NotImplementedError
 
     def _pour(self) -> None:

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from gamekeeper.interface.capture import AgentId
-from gamekeeper.vector.sub_env_block import Said, SubEnvBlock, bare, put_mask
+from gamekeeper.vector.sub_env_block import StepOutputs, SubEnvBlock, bare, put_mask
 from gamekeeper.vector.vector_form import ArrayLeaf, built, getter
 
 Row: TypeAlias = tuple[Any, ...]
@@ -23,7 +23,6 @@ class TickBlock(SubEnvBlock):
     """Copies of a Parallel environment."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        """See `SubEnvBlock`."""
         super().__init__(*arguments, **options)
         self._bare = [bare(env) for env in self.envs]
         self._pick = _picker(self._agents)
@@ -35,9 +34,9 @@ class TickBlock(SubEnvBlock):
         self._legal: list[Row] = [(None,) * len(self._masked)] * len(self.envs)
         self._is_whole = [False] * len(self.envs)
 
-    def step(self) -> Said:
+    def step(self) -> StepOutputs:
         """One tick of every copy; a copy that is over begins anew, when `autoreset` says so."""
-        said, arrays, count = Said(), self._arrays, self._count
+        outputs, arrays, count = StepOutputs(), self._arrays, self._count
         paid: list[float] = []
         actions = self._tables()
         fresh = arrays["over"].tolist()
@@ -48,7 +47,7 @@ class TickBlock(SubEnvBlock):
             cursor[0] = e
             if fresh[e]:  # next_step: this step resets, and no action is taken
                 paid += [0.0] * count
-                self._begin_next(e, said)
+                self._begin_next(e, outputs)
                 continue
             live = env.agents
             if len(live) == count:
@@ -60,25 +59,30 @@ class TickBlock(SubEnvBlock):
                 paid += pick(out[1])
             except KeyError:  # not everybody is there
                 paid += [out[1].get(agent, 0.0) for agent in agents]
-            self._take(e, acted, env.agents, out, said)
+            self._take(e, acted, env.agents, out, outputs)
             self._after_env()
         self._pour()
         arrays["rewards"].reshape(-1)[:] = paid
-        return said
+        return outputs
 
-    def _begin(self, e: int, said: Said) -> None:
+    def _begin(self, e: int, outputs: StepOutputs) -> None:
         observations, infos = self._reset_env(e)
         self._show(e, observations, infos, self._bare[e].agents)
         if self._wants_infos:
-            said.infos[e] = infos
+            outputs.infos[e] = infos
 
-    def _begin_next(self, e: int, said: Said) -> None:
+    def _begin_next(self, e: int, outputs: StepOutputs) -> None:
         self._arrays["over"][e] = False
         self._episodes[e] += self._slots
-        self._begin(e, said)
+        self._begin(e, outputs)
 
     def _take(
-        self, e: int, acted: Collection[AgentId], live: Sequence[AgentId], out: Any, said: Said
+        self,
+        e: int,
+        acted: Collection[AgentId],
+        live: Sequence[AgentId],
+        out: Any,
+        outputs: StepOutputs,
     ) -> None:
         """Keeps what a tick gave; `out` is what the environment returned."""
         observations, _, terms, truncs, infos = out
@@ -88,17 +92,17 @@ class TickBlock(SubEnvBlock):
         if has_ended:
             self._note_ends(e, terms, truncs)
         if self._wants_infos:
-            said.infos[e] = infos
+            outputs.infos[e] = infos
         is_over = not live or (has_ended and all(terms.get(a) or truncs.get(a) for a in live))
         if has_ended or is_over:
-            said.final[e] = dict(infos)
+            outputs.final[e] = dict(infos)
             self._keep_final(e, observations)
         if not is_over:
             self._show(e, observations, infos, live)
             return
         self._arrays["ended"][e] = True
         if self.autoreset == "same_step":
-            self._begin_next(e, said)
+            self._begin_next(e, outputs)
         else:
             self._arrays["over"][e] = True
             self._show(e, observations, infos, ())

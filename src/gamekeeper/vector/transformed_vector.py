@@ -27,7 +27,7 @@ class BatchTransform:
     environment [env, ...], of the agents in `columns`. Arrays that come in aren't written into.
 
     Attributes:
-        remembers: it is told of decisions, in `decided`.
+        remembers: decisions are handed to it, in `decided`.
         reads: there it is also handed the observations; else None.
         reuses: what it shows may be overwritten by the next step.
         shows: observations are changed, where a method of it changes any.
@@ -252,12 +252,12 @@ class TransformedVector:
         """Changes last observations, of all sub-environments that have any at once."""
         if "final_obs" not in infos:
             return
-        finals, told = infos["final_obs"], infos["final_info"]
+        finals, final_infos = infos["final_obs"], infos["final_info"]
 
         def change(g: int, part: Any) -> Any:
             agents = self.groups[g].agents
             found = self.transform.final(g, part, finals.envs, len(agents))
-            absent = told.absent(agents)
+            absent = final_infos.absent(agents)
             if absent.any():
                 clear(found, absent)
             return found

@@ -1,6 +1,6 @@
 """A block of AEC copies: each step is one turn of whoever's turn it is in each copy.
 
-A dead agent's None turn is no step of anybody's: it is made at once, and what it is told there
+A dead agent's None turn is no step of anybody's: it is made at once, and what it is given there
 (its last observation and info) is final.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.interface.capture import AgentId
-from gamekeeper.vector.sub_env_block import Said, SubEnvBlock, bare, put_mask
+from gamekeeper.vector.sub_env_block import StepOutputs, SubEnvBlock, bare, put_mask
 from gamekeeper.vector.vector_form import getter
 
 
@@ -19,10 +19,9 @@ class TurnBlock(SubEnvBlock):
     """Copies of an AEC environment."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        """See `SubEnvBlock`."""
         super().__init__(*arguments, **options)
         self._bare = [bare(env) for env in self.envs]
-        self._told: list[dict[AgentId, Any]] = [{} for _ in self.envs]  # infos of who ended
+        self._last_infos: list[dict[AgentId, Any]] = [{} for _ in self.envs]  # infos of who ended
         self._ended: list[set[tuple[str, AgentId]]] = [set() for _ in self.envs]
         self._leaves = [
             [(getter(leaf.path), i) for i, leaf in enumerate(group.observed)]
@@ -31,16 +30,16 @@ class TurnBlock(SubEnvBlock):
         self._finals = [name for name in self._arrays if name.startswith("final.")]
         self._givens = [name for name in self._arrays if name.startswith(("obs.", "mask."))]
 
-    def _begin(self, e: int, said: Said) -> None:
+    def _begin(self, e: int, outputs: StepOutputs) -> None:
         self._reset_env(e)
-        self._told[e], self._ended[e] = {}, set()
+        self._last_infos[e], self._ended[e] = {}, set()
         self._arrays["live"][e] = False
-        self._find_live(e, said)
-        self._turn_of_the_living(e, said, {})
+        self._find_live(e, outputs)
+        self._turn_of_the_living(e, outputs, {})
 
-    def step(self) -> Said:
+    def step(self) -> StepOutputs:
         """One turn in every copy; a copy that is over begins anew, when `autoreset` says so."""
-        said, arrays = Said(), self._arrays
+        outputs, arrays = StepOutputs(), self._arrays
         for name in ("rewards", "terminated", "truncated", "ended"):
             arrays[name][...] = 0
         fresh, turns = arrays["over"].tolist(), arrays["turn"].tolist()
@@ -50,17 +49,17 @@ class TurnBlock(SubEnvBlock):
             if fresh[e]:
                 arrays["over"][e] = False
                 self._episodes[e] += self._slots
-                self._begin(e, said)
+                self._begin(e, outputs)
                 continue
             row = actions[self._group_of[turns[e]]][e]
             self.envs[e].step(row)
             paid: dict[AgentId, float] = {}
             self._note(e, paid)
-            self._turn_of_the_living(e, said, paid)
+            self._turn_of_the_living(e, outputs, paid)
             for agent, reward in paid.items():
                 arrays["rewards"][e, self._column[agent]] = reward
             self._after_env()
-        return said
+        return outputs
 
     def _note(self, e: int, paid: dict[AgentId, float]) -> None:
         """Notes rewards and endings of the last step."""
@@ -78,7 +77,7 @@ class TurnBlock(SubEnvBlock):
                         ended.add((name, agent))
                         self._arrays[name][e, column[agent]] = True
 
-    def _turn_of_the_living(self, e: int, said: Said, paid: dict[AgentId, float]) -> None:
+    def _turn_of_the_living(self, e: int, outputs: StepOutputs, paid: dict[AgentId, float]) -> None:
         """Makes the None turns of the dead, then shows what the agent in turn is given."""
         env, recorded = self._bare[e], self.envs[e]
         while env.agents:
@@ -86,40 +85,42 @@ class TurnBlock(SubEnvBlock):
             observation, _, terminated, truncated, info = recorded.last()
             if not (terminated or truncated):
                 if self._ended[e]:
-                    self._tell_the_late(e, said)
-                self._find_live(e, said)
-                self._show(e, agent, observation, info, said)
+                    self._keep_late_finals(e, outputs)
+                self._find_live(e, outputs)
+                self._show(e, agent, observation, info, outputs)
                 return
-            self._tell(e, agent, observation, info, said)
+            self._keep_final(e, agent, observation, info, outputs)
             recorded.step(None)
             self._note(e, paid)
-        self._over(e, said)
+        self._over(e, outputs)
 
-    def _tell_the_late(self, e: int, said: Said) -> None:
+    def _keep_late_finals(self, e: int, outputs: StepOutputs) -> None:
         """Last observations of agents that have ended and whose last turn comes after others'."""
         env = self._bare[e]
         for agent in env.agents:
             if env.terminations.get(agent) or env.truncations.get(agent):
-                self._tell(e, agent, env.observe(agent), env.infos.get(agent, {}), said)
+                self._keep_final(e, agent, env.observe(agent), env.infos.get(agent, {}), outputs)
 
-    def _tell(self, e: int, agent: AgentId, observation: Any, info: Any, said: Said) -> None:
+    def _keep_final(
+        self, e: int, agent: AgentId, observation: Any, info: Any, outputs: StepOutputs
+    ) -> None:
         """Keeps the last observation of an agent beside those of agents that ended before it."""
-        told, column = self._told[e], self._column[agent]
-        if agent in told:
+        last_infos, column = self._last_infos[e], self._column[agent]
+        if agent in last_infos:
             return
-        if not told:
+        if not last_infos:
             self._blank_finals(e)
         g = self._group_of[column]
         for get, i in self._leaves[g]:
             self._arrays[f"final.{g}.{i}"][e, column - self.form.groups[g].first] = get(observation)
-        told[agent] = info
-        said.final[e] = dict(told)
+        last_infos[agent] = info
+        outputs.final[e] = dict(last_infos)
 
     def _blank_finals(self, e: int) -> None:
         for name in self._finals:
             self._arrays[name][e] = 0
 
-    def _find_live(self, e: int, said: Said) -> None:
+    def _find_live(self, e: int, outputs: StepOutputs) -> None:
         env, row = self._bare[e], self._arrays["live"][e]
         if len(env.agents) == self._count and not self._ended[e]:
             row[...] = True
@@ -129,23 +130,25 @@ class TurnBlock(SubEnvBlock):
         for agent in env.agents:
             is_dead = env.terminations.get(agent) or env.truncations.get(agent)
             row[self._column[agent]] = not is_dead
-        self._note_departures(e, was_live & ~row, said)
+        self._note_departures(e, was_live & ~row, outputs)
 
-    def _note_departures(self, e: int, gone: NDArray[np.bool_], said: Said) -> None:
+    def _note_departures(self, e: int, departed: NDArray[np.bool_], outputs: StepOutputs) -> None:
         """Notes agents that left without an ending as terminated; they have no last observation."""
         ended = {agent for _, agent in self._ended[e]}
-        for column in gone.nonzero()[0].tolist():
+        for column in departed.nonzero()[0].tolist():
             agent = self._agents[column]
             if agent in ended:
                 continue
             self._ended[e].add(("terminated", agent))
             self._arrays["terminated"][e, column] = True
-            if not self._told[e]:
+            if not self._last_infos[e]:
                 self._blank_finals(e)
-            self._told[e][agent] = {}
-            said.final[e] = dict(self._told[e])
+            self._last_infos[e][agent] = {}
+            outputs.final[e] = dict(self._last_infos[e])
 
-    def _show(self, e: int, agent: AgentId, observation: Any, info: Any, said: Said) -> None:
+    def _show(
+        self, e: int, agent: AgentId, observation: Any, info: Any, outputs: StepOutputs
+    ) -> None:
         column = self._column[agent]
         g = self._group_of[column]
         if len(self.form.groups) > 1:
@@ -157,14 +160,14 @@ class TurnBlock(SubEnvBlock):
         if self.form.groups[g].flags:
             put_mask(self._arrays[f"mask.{g}"][e], self.form.masks[agent](observation, info))
         if self._wants_infos:
-            said.infos[e] = {agent: info}
+            outputs.infos[e] = {agent: info}
 
-    def _over(self, e: int, said: Said) -> None:
+    def _over(self, e: int, outputs: StepOutputs) -> None:
         arrays = self._arrays
-        self._note_departures(e, arrays["live"][e], said)
-        if not self._told[e]:
+        self._note_departures(e, arrays["live"][e], outputs)
+        if not self._last_infos[e]:
             self._blank_finals(e)
-        said.final[e] = dict(self._told[e])
+        outputs.final[e] = dict(self._last_infos[e])
         arrays["ended"][e] = True
         for name in self._givens:
             arrays[name][e] = 0
@@ -172,7 +175,7 @@ class TurnBlock(SubEnvBlock):
         arrays["over"][e] = self.autoreset == "next_step"
         if self.autoreset == "same_step":
             self._episodes[e] += self._slots
-            self._begin(e, said)
+            self._begin(e, outputs)
 
 
 _FLAGS: Final = {"terminated": "terminations", "truncated": "truncations"}

@@ -15,7 +15,7 @@ from gamekeeper.episodes.exception_text import said_by
 from gamekeeper.episodes.layout import Layout
 from gamekeeper.errors import ActionError, OrderError
 from gamekeeper.vector.final_rows import FinalInfos, FinalObs
-from gamekeeper.vector.sub_env_block import Autoreset, Said
+from gamekeeper.vector.sub_env_block import Autoreset, StepOutputs
 from gamekeeper.vector.vector_form import ALL, Arrays, VectorForm, VectorGroup, built
 from gamekeeper.vector.vector_rows import Batches, InOrder, Recording
 
@@ -31,7 +31,7 @@ class Engine(Protocol):
     def failed(self) -> Mapping[int, str]:
         """Copies that nobody steps any more, and why."""
 
-    def reset(self, seed: int, options: Any) -> Said:
+    def reset(self, seed: int, options: Any) -> StepOutputs:
         """Begins a run."""
 
     def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
@@ -40,7 +40,7 @@ class Engine(Protocol):
     def end_recording(self) -> None:
         """Ends the episodes in progress; the rest of the rows goes out."""
 
-    def step(self) -> Said:
+    def step(self) -> StepOutputs:
         """One step of every copy."""
 
     def close(self) -> None:
@@ -130,9 +130,9 @@ class VectorEnv:
                 "recorded sub-environments were reset a second time",
                 fix="close the vector environment, and make another one for another run",
             )
-        said = self._engine.reset(self._seed if seed is None else int(seed), options)
+        outputs = self._engine.reset(self._seed if seed is None else int(seed), options)
         self._is_begun = True
-        return self._obs("obs"), self._infos(said)
+        return self._obs("obs"), self._infos(outputs)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One step of every copy.
@@ -157,14 +157,14 @@ class VectorEnv:
         self._check(begun=True)
         self._take(actions)
         try:
-            said = self._engine.step()
+            outputs = self._engine.step()
         except ActionError as error:
             if not any(group.flags for group in self.groups):
                 raise
             raise ActionError(**error.parts() | {"fix": self.fix_of_masked}) from error
         arrays = self._engine.arrays
         flags = [self._by_group(arrays[name]) for name in ("rewards", "terminated", "truncated")]
-        return self._obs("obs"), *flags, self._infos(said)
+        return self._obs("obs"), *flags, self._infos(outputs)
 
     def close(self) -> None:
         """Closes every copy; once is enough."""
@@ -287,7 +287,7 @@ class VectorEnv:
             parts[group.name] = built(group.observation_space, arrays)
         return parts.get(ALL, parts)
 
-    def _infos(self, said: Said) -> dict[str, Any]:
+    def _infos(self, outputs: StepOutputs) -> dict[str, Any]:
         arrays, groups = self._engine.arrays, self._form.groups
         infos: dict[str, Any] = {
             "live": self._by_group(arrays["live"]),
@@ -303,15 +303,17 @@ class VectorEnv:
             infos["action_mask"] = masks.get(ALL, masks)
         if self.api == "aec":
             infos["turn"] = self._own(arrays["turn"])
-        if said.infos:
-            infos["agents"] = _objects(self.num_envs, said.infos)
-        final = said.read_final or said.final
+        if outputs.infos:
+            infos["agents"] = _objects(self.num_envs, outputs.infos)
+        final = outputs.read_final or outputs.final
         if final:
-            told = FinalInfos(self.num_envs, final)
+            final_infos = FinalInfos(self.num_envs, final)
             is_final = np.zeros(self.num_envs, bool)
-            is_final[told.envs] = True
-            infos["final_obs"] = FinalObs(self.num_envs, told.envs, self._obs("final", told.envs))
-            infos["final_info"] = told
+            is_final[final_infos.envs] = True
+            infos["final_obs"] = FinalObs(
+                self.num_envs, final_infos.envs, self._obs("final", final_infos.envs)
+            )
+            infos["final_info"] = final_infos
             infos["_final_obs"] = infos["_final_info"] = is_final
         if self._engine.failed:
             infos["failed"] = dict(self._engine.failed)

@@ -103,7 +103,6 @@ def make(
 
 
 def _opened(spec: object, kwargs: dict[str, Any]) -> tuple[Opened, Callable[[], Any]]:
-    """The environment and what builds it anew."""
     opened = open_env(spec, **kwargs)
     if opened.make is None:
         raise SpecError(

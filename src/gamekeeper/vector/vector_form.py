@@ -138,7 +138,7 @@ def form_of(env: Any, api: str, contract: Contract | None, infos: Mapping[Any, A
         first = members[0]
         observed = tuple(leaves(kinds[first][0], f"observation_space({first!r})"))
         acted = tuple(leaves(kinds[first][1], f"action_space({first!r})"))
-        flags = _flags(*kinds[first], declared.mask_of(first), _is_told(members, infos))
+        flags = _flags(*kinds[first], declared.mask_of(first), _are_in_infos(members, infos))
         groups.append(
             VectorGroup(name, column, tuple(members), *kinds[first], observed, acted, flags)
         )
@@ -189,7 +189,7 @@ def leaves(space: Space, where: str, path: Path = ()) -> Iterator[ArrayLeaf]:
         )
 
 
-def _is_told(members: list[AgentId], infos: Mapping[Any, Any]) -> bool:
+def _are_in_infos(members: list[AgentId], infos: Mapping[Any, Any]) -> bool:
     """Tells whether infos hold masks: of one of these agents, or of any where none is there yet."""
     there = [agent for agent in members if agent in infos] or list(infos)
     return any(isinstance(infos[agent], Mapping) and MASK in infos[agent] for agent in there)
@@ -290,7 +290,6 @@ class SharedMemory:
     __slots__ = ("fd", "memory", "size")
 
     def __init__(self, size: int) -> None:
-        """Makes `size` bytes of zeros."""
         self.size = max(size, 1)
         if hasattr(os, "memfd_create"):
             self.fd = os.memfd_create("gamekeeper-vector")

@@ -23,6 +23,7 @@ from gamekeeper.episodes.buffer import (
 )
 from gamekeeper.episodes.encoder import Encoded, Encoder
 from gamekeeper.episodes.layout import Layout, leaf_columns
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.episodes.tables import table_of
 from gamekeeper.rollouts.interrupts import HeldInterrupt
 
@@ -256,7 +257,7 @@ class Recording:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {"level": self.level, "terms": list(self.terms), "volatile": list(self.volatile)}
+        return fields_json(self)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Recording:

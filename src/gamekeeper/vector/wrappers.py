@@ -205,7 +205,6 @@ class FramesOfPart:
     """
 
     def __init__(self, leaf: ArrayLeaf, frames: int, lead: tuple[int, ...]) -> None:
-        """Begins without any."""
         self._get, self._is_mask = getter(leaf.path), leaf.path[-1:] == (MASK,)
         self._count = 1 if self._is_mask else frames
         self._gets_axis = len(leaf.shape) in (0, 2) and not self._is_mask

@@ -23,7 +23,6 @@ class Pictures:
     """The recorded frames of a run, thinned out to fit."""
 
     def __init__(self, run: Path) -> None:
-        """Lists the files of frames."""
         self._files: dict[int, dict[int, Path]] = {}
         folder = run / "frames"
         if folder.is_symlink() or not folder.is_dir():

@@ -20,6 +20,7 @@ from typing import Any, Final
 from gamekeeper.contract.validation import one_line
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.plain_json import fields_json
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError, not_installed
 from gamekeeper.runs.consent import consented, evidence_of
 from gamekeeper.runs.files.folder import output_path, read_bounded
@@ -230,8 +231,7 @@ class VideoFile:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper video --json` prints."""
-        found = {name: getattr(self, name) for name in self.__slots__}
-        return {**found, "paths": list(self.paths), "size": list(self.size)}
+        return fields_json(self)
 
     def __str__(self) -> str:
         size = f"{self.size[0]} x {self.size[1]} pixels"
@@ -334,7 +334,6 @@ def _episode(evidence: Evidence, asked: int | None, known: dict[int, Any], *, re
 
 
 def _paths(run: str | PathLike[str], out: str | PathLike[str] | None, episode: int) -> list[Path]:
-    """The files to write."""
     if out is not None and Path(fspath(out)).suffix:
         path = Path(fspath(out))
         if path.suffix not in FORMS:

@@ -120,8 +120,6 @@ def render_task(
 
 
 class _FrameWriter(MemorySink):
-    """Writes the frames of one episode into a folder."""
-
     __slots__ = ("folder", "wanted")
     folder: Path
     wanted: int

@@ -143,8 +143,6 @@ def _strict() -> Iterator[None]:
 
 
 class _RerunWriter:
-    """Writer of episode after episode into a recording."""
-
     def __init__(self, stream: Any, evidence: Evidence, names: Collection[str]) -> None:
         import rerun
 

@@ -193,8 +193,6 @@ def export(
 
 
 class _DataSetWriter:
-    """Writer of episode after episode into the data sets."""
-
     def __init__(self, evidence: Evidence, names: list[str], sets: DataSets) -> None:
         self.evidence, self.names, self.sets = evidence, names, sets
         self._counts: Counter[str] = Counter()

@@ -355,11 +355,13 @@ def _play(dataset: Any, script: Script, sink: Any) -> None:
         agent.name: (agent.index, observation_packer(agent.observation, sink), action_packer(agent))
         for agent in agents
     }
-    for episode, (data, said) in enumerate(_episodes(dataset)):
-        seed = said.get("seed")
+    for episode, (data, attributes) in enumerate(_episodes(dataset)):
+        seed = attributes.get("seed")
         since = episode if seed is not None else -1
         buffer.starts.append(
-            EpisodeStart(episode, seed, since, _options(said), _ours(script, said, "policies"))
+            EpisodeStart(
+                episode, seed, since, _options(attributes), _ours(script, attributes, "policies")
+            )
         )
         turns = 0
         for agent in agents:
@@ -387,8 +389,8 @@ def _play(dataset: Any, script: Script, sink: Any) -> None:
             if not turns % 256:
                 sink.keep_up()
         has_ended = bool(np.any(data.terminations[-1:]) or np.any(data.truncations[-1:]))
-        end = said.get("gamekeeper", {}).get("end") or ("ended" if has_ended else "cut")
-        endings, types = (_ours(script, said, name) for name in ("endings", "action_types"))
+        end = attributes.get("gamekeeper", {}).get("end") or ("ended" if has_ended else "cut")
+        endings, types = (_ours(script, attributes, name) for name in ("endings", "action_types"))
         buffer.ends.append(EpisodeEnd(episode, end, turns, None, endings, types))
         sink.keep_up()
 
@@ -414,9 +416,9 @@ def _packed(field: str, value: Any, pack: Any) -> tuple[Any, tuple[str] | None]:
     return (packed, None) if packed is not None else (None, (nonconforming(field, value),))
 
 
-def _ours(script: Script, said: Mapping[str, Any], name: str) -> str | None:
+def _ours(script: Script, attributes: Mapping[str, Any], name: str) -> str | None:
     """Returns a field that an export of ours wrote about an episode, as JSON by agent."""
-    text: str | None = said.get("gamekeeper", {}).get(name)
+    text: str | None = attributes.get("gamekeeper", {}).get(name)
     if text is None or script.is_joint:
         return text
     return to_json({next(iter(script.spaces)): from_json(text) if name == "policies" else text})
@@ -450,7 +452,7 @@ def _script(raw: Mapping[str, Any], sides: Any, *, agent: str, joint: bool) -> S
 def _identity(raw: Mapping[str, Any], script: Script) -> dict[str, Any]:
     """Identity in place of an environment, which can't be opened: the data set it is from."""
     name = str(raw.get("dataset_id"))
-    said = {key: raw[key] for key in KEPT if key in raw}
+    attributes = {key: raw[key] for key in KEPT if key in raw}
     lacks = [*LACKS, *script.lacks]
     return {
         "kind": "object",
@@ -460,15 +462,20 @@ def _identity(raw: Mapping[str, Any], script: Script) -> dict[str, Any]:
         "kwargs": {},
         "versions": {},
         "source_digest": None,
-        "imported": {"from": "minari", **said, "recorded": raw.get("gamekeeper"), "lacks": lacks},
+        "imported": {
+            "from": "minari",
+            **attributes,
+            "recorded": raw.get("gamekeeper"),
+            "lacks": lacks,
+        },
     }
 
 
-def _options(said: Mapping[str, Any]) -> str | None:
-    ours = said.get("gamekeeper", {}).get("options")
+def _options(attributes: Mapping[str, Any]) -> str | None:
+    ours = attributes.get("gamekeeper", {}).get("options")
     if isinstance(ours, str):
         return ours
-    options = said.get("options")
+    options = attributes.get("options")
     return None if options is None else to_json(options)
 
 

@@ -74,7 +74,7 @@ class AgentView:
         return action if self.start is None else action + self.start
 
 
-def sight(group: VectorGroup, place: str | None, *, masks: bool, flatten: bool) -> AgentView:
+def view_of(group: VectorGroup, place: str | None, *, masks: bool, flatten: bool) -> AgentView:
     """View of a group's agents, as RLlib sees them.
 
     Args:
@@ -151,7 +151,7 @@ class RLlibMultiAgentEnv:
 
     Attributes:
         env, api: the environment; `aec` or `parallel`.
-        sights: by the name of each learner, in the order of `possible_agents`.
+        views: by the name of each learner, in the order of `possible_agents`.
         role_of: by the name of each agent, learner or not, its role.
         agent_of, name_of: names are texts, which an environment's own agents needn't be.
         policies: of the other agents; None where all agents learn.
@@ -159,7 +159,7 @@ class RLlibMultiAgentEnv:
 
     env: Any
     api: str
-    sights: Mapping[str, AgentView]
+    views: Mapping[str, AgentView]
     role_of: Mapping[str, str]
     agent_of: Mapping[str, Any]
     name_of: Mapping[Any, str]
@@ -194,9 +194,9 @@ def opened_game(
     try:
         contract = declared_contract(None, opened) or Contract()
         env = slim(opened.env)
-        sights = _sights(env, opened.api, contract, masks=masks, flatten=flatten)
-        learners = learners_of(sights, role, contract)
-        rest = [agent for agent in sights if agent not in learners]
+        views = _views(env, opened.api, contract, masks=masks, flatten=flatten)
+        learners = learners_of(views, role, contract)
+        rest = [agent for agent in views if agent not in learners]
         require_policies(rest, others, contract)
         policies = joint_policy_of(others, opened.env, contract) if rest else None
     except BaseException:
@@ -205,22 +205,22 @@ def opened_game(
     return RLlibMultiAgentEnv(
         env,
         opened.api,
-        {str(agent): sights[agent] for agent in learners},
-        {str(agent): role_of(contract, agent) for agent in sights},
-        {str(agent): agent for agent in sights},
-        {agent: str(agent) for agent in sights},
+        {str(agent): views[agent] for agent in learners},
+        {str(agent): role_of(contract, agent) for agent in views},
+        {str(agent): agent for agent in views},
+        {agent: str(agent) for agent in views},
         policies,
     )
 
 
-def _sights(
+def _views(
     env: Any, api: str, contract: Contract, *, masks: bool, flatten: bool
 ) -> dict[Any, AgentView]:
     """View of each agent, in the order of `possible_agents`."""
     given = env.reset(seed=EpisodeSeeds(0)[0])  # the place of masks is known after a reset
     form = form_of(env, api, contract, env.infos if api == "aec" else given[1])
     found = {
-        agent: sight(group, contract.mask_of(agent), masks=masks, flatten=flatten)
+        agent: view_of(group, contract.mask_of(agent), masks=masks, flatten=flatten)
         for group in form.groups
         for agent in group.agents
     }

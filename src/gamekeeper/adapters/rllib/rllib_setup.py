@@ -68,11 +68,11 @@ class ModulePolicy:
     def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> Any:
         """The action of one agent."""
         name = str(agent)
-        sight = self.mapped.sights.get(name)
-        if sight is None:
-            raise not_learnt(name, self.mapped.sights)
+        view = self.mapped.views.get(name)
+        if view is None:
+            raise not_learnt(name, self.mapped.views)
         module = self.modules[self.mapped(name)]
-        batch = {Columns.OBS: _tensors(sight.shown(observation, info))}
+        batch = {Columns.OBS: _tensors(view.shown(observation, info))}
         with torch.no_grad(), torch.random.fork_rng(devices=[]):
             if self.deterministic:
                 logits = module.forward_inference(batch)[Columns.ACTION_DIST_INPUTS]
@@ -84,8 +84,8 @@ class ModulePolicy:
                 drawn = module.get_exploration_action_dist_cls().from_logits(logits).sample()
         action = _bare(drawn)
         if self._unsquash:
-            action = unsquash_action(action, get_base_struct_from_space(sight.action_space))
-        return sight.meant(action)
+            action = unsquash_action(action, get_base_struct_from_space(view.action_space))
+        return view.meant(action)
 
 
 def policy(model: Any, *, deterministic: bool = True, version: str | None = None) -> ModulePolicy:
@@ -300,12 +300,12 @@ def policy_mapping(spec: object, **options: Unpack[Options]) -> dict[str, Any]:
     first = {module: name for name, module in reversed(module_of.items())}
     policies = {
         module: PolicySpec(
-            observation_space=game.sights[first[module]].observation_space,
-            action_space=game.sights[first[module]].action_space,
+            observation_space=game.views[first[module]].observation_space,
+            action_space=game.views[first[module]].action_space,
         )
         for module in dict.fromkeys(module_of.values())
     }
-    return {"policies": policies, "policy_mapping_fn": Mapped(module_of, dict(game.sights))}
+    return {"policies": policies, "policy_mapping_fn": Mapped(module_of, dict(game.views))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,11 +314,11 @@ class Mapped:
 
     Attributes:
         modules: by the name of each agent that may come.
-        sights: likewise, how it is seen.
+        views: likewise, how it is seen.
     """
 
     modules: Mapping[str, str]
-    sights: Mapping[str, AgentView]
+    views: Mapping[str, AgentView]
 
     def __call__(self, agent_id: str, *_: Any, **__: Any) -> str:
         """The module of an agent; of a name that nobody announced, that of its role."""
@@ -328,11 +328,11 @@ class Mapped:
 def _modules(game: RLlibMultiAgentEnv) -> dict[str, str]:
     """By agent the name of its module: its role, where all of the role have the same spaces."""
     kinds: dict[str, list[Any]] = {}
-    for name, one in game.sights.items():
+    for name, one in game.views.items():
         kinds.setdefault(game.role_of[name], []).append((one.observation_space, one.action_space))
     return {
         name: role if all(kind == kinds[role][0] for kind in kinds[role]) else name
-        for name in game.sights
+        for name in game.views
         for role in [game.role_of[name]]
     }
 

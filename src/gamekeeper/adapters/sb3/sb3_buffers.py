@@ -116,7 +116,6 @@ class Watched:
 
 
 def _saved(is_normalized: bool) -> Watched:
-    """Returns what a saved model holds."""
     return Watched(None, is_normalized=is_normalized)
 
 

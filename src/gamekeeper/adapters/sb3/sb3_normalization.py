@@ -75,13 +75,13 @@ class Normalized(VecNormalize):
             self.epsilon,
         )
 
-    def take(self, kept: Normalization) -> None:
+    def take(self, statistics: Normalization) -> None:
         """Goes on from these statistics."""
         rms: Any = self.obs_rms if self.norm_obs else {}
         for key, one in (rms if isinstance(rms, dict) else {"": rms}).items():
-            mean, variance, count = kept.parts[key]
+            mean, variance, count = statistics.parts[key]
             one.mean, one.var, one.count = mean.copy(), variance.copy(), count
-        self.ret_rms.var, self.ret_rms.count = np.float64(kept.paid[0]), kept.paid[1]
+        self.ret_rms.var, self.ret_rms.count = np.float64(statistics.paid[0]), statistics.paid[1]
 
 
 def normalized(
@@ -130,14 +130,14 @@ def normalized(
         norm_obs_keys=keys if observations and isinstance(space, spaces.Dict) else None,
     )
     if saved is not None:
-        kept = saved_normalization(Path(saved))
-        if kept is None:
+        statistics = saved_normalization(Path(saved))
+        if statistics is None:
             raise PolicyError(
                 "the model's file has no statistics",
                 where=str(saved),
                 fix="save(model, path) of gamekeeper.adapters.sb3 keeps them",
             )
-        found.take(kept)
+        found.take(statistics)
     return found
 
 
@@ -150,10 +150,10 @@ def save(model: Any, path: str | Path) -> Path:
     path = Path(path)
     model.save(path)
     file = path if path.suffix else path.with_suffix(".zip")
-    kept = normalization_of(model)
-    if kept is not None:
+    statistics = normalization_of(model)
+    if statistics is not None:
         with zipfile.ZipFile(file, "a") as archive:
-            archive.writestr(MEMBER, kept.to_json())
+            archive.writestr(MEMBER, statistics.to_json())
     return file
 
 

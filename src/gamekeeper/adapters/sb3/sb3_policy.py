@@ -100,8 +100,8 @@ def policy(model: Any, *, deterministic: bool = True, version: str | None = None
     """
     if isinstance(model, str | Path):
         path, model = Path(model), _loaded(Path(model))
-        kept = saved_normalization(path)
-        if kept is None and _was_normalized(model):
+        statistics = saved_normalization(path)
+        if statistics is None and _was_normalized(model):
             raise PolicyError(
                 "the model learnt from normalized observations, and their statistics aren't saved",
                 where=str(path),
@@ -110,23 +110,25 @@ def policy(model: Any, *, deterministic: bool = True, version: str | None = None
                 fix="save it so; or policy(model), with the model in memory",
             )
     else:
-        kept = normalization_of(model)
+        statistics = normalization_of(model)
     if version is None:
         digest = weights_digest(sorted(model.policy.state_dict().items()))
         version = f"{model.num_timesteps} steps, {digest}"
-        if kept is not None:
-            seen = blake2b(kept.to_json().encode(), digest_size=4).hexdigest()
+        if statistics is not None:
+            seen = blake2b(statistics.to_json().encode(), digest_size=4).hexdigest()
             version += f", normalized by {seen}"
-    return ModelPolicy(model, version=version, deterministic=deterministic, normalization=kept)
+    return ModelPolicy(
+        model, version=version, deterministic=deterministic, normalization=statistics
+    )
 
 
 def _was_normalized(model: Any) -> bool:
     """True if a loaded model's buffer remembers that its environment was normalized."""
-    kept = [
+    arguments = [
         getattr(model, name, None) or {}
         for name in ("rollout_buffer_kwargs", "replay_buffer_kwargs")
     ]
-    return any(getattr(each.get("watched"), "is_normalized", False) for each in kept)
+    return any(getattr(each.get("watched"), "is_normalized", False) for each in arguments)
 
 
 def _loaded(path: Path) -> Any:

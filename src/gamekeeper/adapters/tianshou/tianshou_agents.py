@@ -316,8 +316,8 @@ class TianshouAgents:
                 live = self._part(self._infos["live"], group)[:, places]
                 envs, which = np.nonzero(live)
                 where, source = (envs, mine[which]), (envs, places[which])
-                gone, absent = np.nonzero(~live)
-                clear(self.obs, (gone, mine[absent]))
+                rows, absent = np.nonzero(~live)
+                clear(self.obs, (rows, mine[absent]))
             self.acting[where] = True
             seen = changed(self._part(self._given, group), itemgetter(source))
             self.forms.put(self.obs, where, g, seen)

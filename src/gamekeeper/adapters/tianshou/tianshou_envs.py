@@ -216,7 +216,6 @@ class Collector(BaseCollector):
         return acts, np.asarray(self.policy.map_action(acts))
 
     def _drawn(self, rows: Any, count: int) -> NDArray[Any]:
-        """Draws legal actions."""
         space, slots = self.env.action_space, self.env.slots
         if not slots.forms.actions:
             return np.array([space.sample() for _ in range(count)]).reshape(count, *space.shape)

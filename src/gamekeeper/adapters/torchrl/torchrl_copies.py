@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EnvError, SpecError
 from gamekeeper.randomness.seeds import episode_seed
-from gamekeeper.vector.sub_env_block import Said, bare
+from gamekeeper.vector.sub_env_block import StepOutputs, bare
 from gamekeeper.vector.vector_factory import make
 from gamekeeper.vector.vector_form import VectorGroup
 
@@ -107,9 +107,9 @@ class Copies:
             SpecError: some are in the midst of an episode, and in another process.
         """
         if self._stands_still:
-            said = self._next_of_kernel(which) if self._is_kernel else self._next_of_block(which)
-            for copy, told in said.infos.items():
-                self.infos.setdefault("agents", {})[copy] = told
+            outputs = self._next_of_kernel(which) if self._is_kernel else self._next_of_block(which)
+            for copy, infos in outputs.infos.items():
+                self.infos.setdefault("agents", {})[copy] = infos
         elif (which & ~self.over).any():
             if not which.all():
                 raise SpecError(
@@ -123,7 +123,7 @@ class Copies:
             self._begin(episode_seed(self._seed, self._runs))
         self.over &= ~which
 
-    def _next_of_kernel(self, which: Bools) -> Said:
+    def _next_of_kernel(self, which: Bools) -> StepOutputs:
         if self._of_kernel._recorder is not None:
             raise SpecError(
                 "copies that are reset one by one can't be recorded",
@@ -136,19 +136,19 @@ class Copies:
         over[...] = which
         batch.restart()
         over[...] = kept
-        return self._of_kernel._said(is_reset=True)
+        return self._of_kernel._outputs(is_reset=True)
 
-    def _next_of_block(self, which: Bools) -> Said:
-        block, said = self._serial._block, Said()
+    def _next_of_block(self, which: Bools) -> StepOutputs:
+        block, outputs = self._serial._block, StepOutputs()
         try:
             for e in np.flatnonzero(which).tolist():
                 self.arrays["over"][e] = False
                 block._episodes[e] += block._slots
-                block._begin(e, said)
+                block._begin(e, outputs)
             block._pour()
         except Exception as error:
             raise self._serial._named(error) from error
-        return said
+        return outputs
 
     def state_space(self, *, is_asked: bool | None) -> spaces.Space[Any] | None:
         """Returns the space of `state()`, [...] of one copy; None where it isn't shown.

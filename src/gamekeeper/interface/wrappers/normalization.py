@@ -60,18 +60,18 @@ class Normalization:
     def to_json(self) -> str:
         """As text; floats are read back to the bit."""
         parts = {k: [m.tolist(), v.tolist(), n] for k, (m, v, n) in self.parts.items()}
-        kept = {"parts": parts, "paid": self.paid, "clip": self.clip, "epsilon": self.epsilon}
-        return json.dumps(kept, sort_keys=True)
+        data = {"parts": parts, "paid": self.paid, "clip": self.clip, "epsilon": self.epsilon}
+        return json.dumps(data, sort_keys=True)
 
     @classmethod
     def of_json(cls, text: str) -> Normalization:
         """Reads what `to_json` wrote."""
-        kept = json.loads(text)
+        data = json.loads(text)
         parts = {
             key: (np.array(mean), np.array(variance), float(count))
-            for key, (mean, variance, count) in kept["parts"].items()
+            for key, (mean, variance, count) in data["parts"].items()
         }
-        return cls(parts, tuple(kept["paid"]), kept["clip"], kept["epsilon"])
+        return cls(parts, tuple(data["paid"]), data["clip"], data["epsilon"])
 
 
 class Moments:
@@ -114,7 +114,6 @@ class Statistics:
     """
 
     def __init__(self, *, clip: float = 10.0, epsilon: float = 1e-8) -> None:
-        """Begins without any; `clip` and `epsilon` as `Normalization` has them."""
         self.clip, self.epsilon = clip, epsilon
         self.seen: dict[str, dict[str, Moments]] = {}
         self.paid: dict[str, Moments] = {}
@@ -197,8 +196,8 @@ class Statistics:
     def of_json(cls, text: str) -> Statistics:
         """Reads what `to_json` wrote."""
         found = cls()
-        for name, kept in json.loads(text).items():
-            one = Normalization.of_json(json.dumps(kept))
+        for name, data in json.loads(text).items():
+            one = Normalization.of_json(json.dumps(data))
             found.clip, found.epsilon = one.clip, one.epsilon
             found.seen[name] = {}
             for key, (mean, var, count) in one.parts.items():
@@ -228,7 +227,6 @@ class PolicyWithStatistics:
     """A policy and the statistics without which it is worth nothing, in one object."""
 
     def __init__(self, policy: Any, statistics: Statistics) -> None:
-        """Takes a callable policy; later changes of the statistics don't reach it."""
         self._policy = policy
         text = statistics.to_json()
         self._statistics = Statistics.of_json(text)

@@ -120,7 +120,6 @@ class AECTimeLimit(InsideSpaces, BaseWrapper[Any, Any, Any]):
         self._steps, self._made = steps, 0
 
     def __getattr__(self, name: str) -> Any:
-        """An attribute of the environment inside."""
         if name == "_cumulative_rewards":
             return self.env._cumulative_rewards
         return super().__getattr__(name)

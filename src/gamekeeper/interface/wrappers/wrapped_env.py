@@ -105,15 +105,15 @@ class AECTransformed(TransformedSpaces, BaseWrapper[Any, Any, Any]):
     def infos(self) -> Any:
         """Each agent's info."""
         infos = self.env.infos
-        return {agent: self._told(agent) for agent in infos} if self._informs else infos
+        return {agent: self._info_of(agent) for agent in infos} if self._informs else infos
 
-    def _told(self, agent: AgentId) -> Any:
+    def _info_of(self, agent: AgentId) -> Any:
         """An agent's info, the same object until the next turn."""
-        told = self._infos.get(agent)
-        if told is None:
+        found = self._infos.get(agent)
+        if found is None:
             seen, info = self.env.observe(agent), self.env.infos[agent]
-            told = self._infos[agent] = self.transform.info(agent, seen, info)
-        return told
+            found = self._infos[agent] = self.transform.info(agent, seen, info)
+        return found
 
     @property
     def rewards(self) -> Any:
@@ -160,7 +160,7 @@ class AECTransformed(TransformedSpaces, BaseWrapper[Any, Any, Any]):
         if self._shows and seen is not None:
             shown = self.transform.observation(agent, seen, info)
         if self._informs:
-            info = self._told(agent)
+            info = self._info_of(agent)
         return shown, sums[agent], env.terminations[agent], env.truncations[agent], info
 
     def step(self, action: Any) -> None:

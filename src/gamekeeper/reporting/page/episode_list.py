@@ -334,7 +334,6 @@ class Budget:
     """Bytes that are left for episodes; after a few that don't fit, it counts as spent."""
 
     def __init__(self, size_bytes: int) -> None:
-        """Begins with so many bytes."""
         self.left = size_bytes
         self.misses = 0
 

@@ -30,7 +30,6 @@ class PackedValues:
     """Plain values, each stored once and referred to by its place."""
 
     def __init__(self) -> None:
-        """Begins without values."""
         self.items: list[Any] = []
         self._places: dict[str, int] = {}
 

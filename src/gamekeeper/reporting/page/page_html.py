@@ -58,7 +58,6 @@ def source_hash(text: str) -> str:
 
 
 def _text(name: str) -> str:
-    """One file of the folder `assets`."""
     return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 

@@ -114,7 +114,6 @@ def pixels_of(env: Handover) -> NDArray[np.uint8]:
 
 
 def _cells(env: Handover) -> dict[str, int]:
-    """The cell of each hand."""
     from_right = env.arms["receiver_0"].extension
     return {"giver_0": env.arms["giver_0"].extension, "receiver_0": env.cells - 1 - from_right}
 

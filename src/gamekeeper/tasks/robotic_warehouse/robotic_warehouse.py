@@ -321,13 +321,13 @@ def arguments_of(gymnasium_id: str) -> dict[str, Any]:
     """
     if found := _SIZED.fullmatch(gymnasium_id):
         robots = int(found["robots"])
-        told = {
+        arguments = {
             "layout": found["layout"],
             "request_queue_size": int(robots * _RATES[found["rate"]]),
         }
     elif found := _COUNTED.fullmatch(gymnasium_id):
         robots = int(found["robots"])
-        told = {
+        arguments = {
             "shelf_rows": int(found["rows"]),
             "shelf_columns": int(found["columns"]),
             "request_queue_size": int(found["requests"]),
@@ -342,7 +342,7 @@ def arguments_of(gymnasium_id: str) -> dict[str, Any]:
             fix="write the id as rware registers it",
         )
     return {
-        **told,
+        **arguments,
         "n_agents": robots,
         "sensor_range": int(found["range"] or 1),
         "column_height": int(found["height"] or 8),

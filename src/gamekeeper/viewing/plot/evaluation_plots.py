@@ -46,12 +46,12 @@ def curves(
         EvidenceError: there is no learning curve of that name.
     """
     rows = [{"curve": name, **row} for name, points in evaluation.curves.items() for row in points]
-    chosen, ground, whom = _chosen(evaluation, rows, environment, of, "learning curve")
+    chosen, ground, subject = _chosen(evaluation, rows, environment, of, "learning curve")
     ax = axes(ax)
     for place, name in enumerate(dict.fromkeys(row["curve"] for row in chosen)):
         points = sorted((row for row in chosen if row["curve"] == name), key=_step)
         _line(ax, points, statistic, name, color(place))
-    title = f"{evaluation.name}: return of {whom} in {ground}"
+    title = f"{evaluation.name}: return of {subject} in {ground}"
     label = f"{'IQM' if statistic == 'iqm' else statistic} with {_level(evaluation)}"
     return finish(ax, title, x="training step", y=label, legend=True)
 
@@ -115,7 +115,7 @@ def intervals(
         DependencyError: matplotlib isn't installed.
         EvidenceError: there is no such result.
     """
-    chosen, ground, whom = _chosen(evaluation, evaluation.results, environment, of, "result")
+    chosen, ground, subject = _chosen(evaluation, evaluation.results, environment, of, "result")
     over = {row["policy"] for row in chosen if row["run"] is None}
     shown_rows = [row for row in chosen if row["run"] is None or row["policy"] not in over]
     names = [_name(evaluation, row) for row in shown_rows[:MOST_ROWS]]
@@ -131,7 +131,7 @@ def intervals(
             ax.plot([value], [place], "o", color=color(place), markerfacecolor=fill, markersize=7)
     name_rows(ax, names)
     label = f"{'IQM' if statistic == 'iqm' else statistic} return with {_level(evaluation)}"
-    return finish(ax, f"{evaluation.name}: {whom} in {ground}", x=f"{label}; open: no interval")
+    return finish(ax, f"{evaluation.name}: {subject} in {ground}", x=f"{label}; open: no interval")
 
 
 def crossplay(
@@ -214,13 +214,13 @@ def _chosen(
     ground = environment or next((row["environment"] for row in paid), "")
     there = [row for row in paid if row["environment"] == ground]
     ranked = sorted(there, key=lambda row: SCOPES.index(row["scope"]))
-    whom = of or next((row["who"] for row in ranked), "")
-    found = [row for row in there if row["who"] == whom]
+    subject = of or next((row["who"] for row in ranked), "")
+    found = [row for row in there if row["who"] == subject]
     if not found:
         known = sorted({f"{row['who']} in {row['environment']}" for row in paid})
         fix = f"name one of: {', '.join(known[:8])}" if known else NO_ROWS[what]
-        _refuse(evaluation, f"{what} of {whom or 'any agent'} in {ground or 'it'}", fix)
-    return found, str(ground), str(whom)
+        _refuse(evaluation, f"{what} of {subject or 'any agent'} in {ground or 'it'}", fix)
+    return found, str(ground), str(subject)
 
 
 NO_ROWS: Final = {

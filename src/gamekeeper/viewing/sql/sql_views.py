@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -191,14 +192,12 @@ def _runs(run_folders: Iterable[RunPlace]) -> Iterator[Row]:
         seed = manifest.get("seed")
         yield (
             place.run,
-            _text(environment.get("name")),
-            _text(environment.get("api")),
-            _text(manifest.get("status")),
-            _text(manifest.get("level")),
+            *_texts(environment, "name", "api"),
+            *_texts(manifest, "status", "level"),
             seed if type(seed) is int else None,
             json.dumps(environment.get("kwargs") or {}),
-            _text(environment.get("source_digest")),
-            _text(manifest.get("fingerprint")),
+            *_texts(environment, "source_digest"),
+            *_texts(manifest, "fingerprint"),
         )
 
 
@@ -216,30 +215,23 @@ def _agents(run_folders: Iterable[RunPlace]) -> Iterator[Row]:
             yield place.run, str(agent), known[text](str(agent))
 
 
+_LABEL: Final = attrgetter("episode", "turn", "agent", "label", "why", "by", "at", "proposed")
+
+
 def _labels(run_folders: Iterable[RunPlace]) -> Iterator[Row]:
     from gamekeeper.diagnosis.labels import labels
 
     for place in run_folders:
         for each in labels(place.folder) if (place.folder / NOTES).exists() else ():
-            yield (
-                place.run,
-                each.episode,
-                each.turn,
-                each.agent,
-                each.label,
-                each.why,
-                each.by,
-                each.at,
-                each.proposed,
-            )
+            yield place.run, *_LABEL(each)
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _text(value: object) -> str | None:
-    return None if value is None else str(value)
+def _texts(found: Mapping[str, Any], *names: str) -> list[str | None]:
+    return [None if found.get(name) is None else str(found[name]) for name in names]
 
 
 _ROWS: Final[Mapping[str, Callable[[Iterable[RunPlace]], Iterator[Row]]]] = {

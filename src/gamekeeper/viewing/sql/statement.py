@@ -84,7 +84,6 @@ def _volatile(connection: Any, names: set[str]) -> list[str]:
 
 
 def _nodes(tree: Any) -> Iterator[dict[str, Any]]:
-    """Every object in the tree."""
     waiting = [tree]
     while waiting:
         node = waiting.pop()
