@@ -162,7 +162,7 @@ class ActionPerturbation(Perturbation):
 
     @abstractmethod
     def actuator(self, legal_actions: LegalActions, rng: Generator) -> Actuator:
-        """Returns the actuator of an agent, for one episode; it never writes into what was chosen."""
+        """Returns the actuator of an agent for one episode; the chosen action stays as it is."""
 
     @classmethod
     def applies(cls, contract: Contract, env: Any, agent: AgentId) -> str | None:
