@@ -73,7 +73,7 @@ def test_screen_shows_a_change_of_each_label_that_it_names_and_counts_the_rest()
     document |= {"not_played": [], "conditions": {}, "episodes": 9, "reused": 0, "seed": 0}
     document |= {"most_episodes": 9, "budget": None, "steps": 9, "contradictions": {}}
     lines = diagnosis_screen(document, width=80).splitlines()
-    start = lines.index("Undone by  change 0")
+    start = lines.index("Repair     change 0")
     shown = [line.strip() for line in lines[start + 1 : start + 4]]
     assert shown == ["change 4", "change 1", "and 2 more"]
     silent = {
