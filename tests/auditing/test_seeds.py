@@ -263,6 +263,7 @@ def test_seeds_volatile_infos_are_passed_over() -> None:
 
     assert broken(Stopwatch, ("GK601", "GK604", "GK605"), contract=contract) == []
     assert broken(Stopwatch, ("GK601", "GK604", "GK605")) == ["GK601"]
+    assert audited(Stopwatch, ("GK601",)).of("GK601").severity == "low"
 
 
 def test_seeds_audit_leaves_global_generators_as_they_were() -> None:

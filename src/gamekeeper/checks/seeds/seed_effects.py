@@ -3,10 +3,11 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.check import HIGH, Case, Cases, check
+from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
     EpisodeElsewhere,
     PlainSeed,
@@ -30,8 +31,10 @@ from gamekeeper.checks.paired_episodes import (
     told_of,
     whole,
 )
-from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.divergence import compare
+from gamekeeper.episodes.episode import MASK
 
 SEEDS: Final = 16
 """Seeds that the program tries."""
@@ -112,7 +115,8 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     reproduced. Observations, masks, infos, rewards, ends, the order of agents and state() are
     compared, over whole episodes; once more with the generators of numpy, random and torch that all
     of a process shares started elsewhere, as in another program. Empty options make no difference
-    either, nor does the time of day.
+    either, nor does the time of day. Where infos alone differ it is of low severity: a clock among
+    them is declared volatile in a contract.
 
     Bad:
         def step(self, actions):
@@ -133,7 +137,9 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for each in plays:
         change, tells = each.change["change"], told_of(contract, each)
         if change in ("nothing", "the global generators"):
-            yield from parted(each, _again(evidence.api, tells))
+            for case in parted(each, _again(evidence.api, tells)):
+                is_minor = not case.ok and _is_of_infos(each)
+                yield replace(case, severity=LOW) if is_minor else case
         elif differs:
             continue  # by itself, whatever the clock says
         elif change == "the time of day":
@@ -141,6 +147,14 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
             yield from parted(each, proof, expected="the same episode, whatever the clock says")
         elif not any(x.divergence for x in plays if x is not each):
             yield from parted(each, _empty(evidence.api), expected="as without options")
+
+
+def _is_of_infos(counterfactual: ProbeCounterfactual) -> bool:
+    """Tells whether two plays differ in infos alone, in anything of them but action masks."""
+    plays = counterfactual.base, counterfactual.episode
+    infos = (info for play in plays for turn in play.turns for info in turn.infos.values())
+    names = {name for info in infos if isinstance(info, dict) for name in info} - {MASK}
+    return compare(*plays, volatile={*names, *counterfactual.volatile}).divergence is None
 
 
 def _again(api: str, tells: frozenset[str]) -> Reproducer:
