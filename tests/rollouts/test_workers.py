@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gamekeeper.rollouts.warm_worker import WarmWorker
 from gamekeeper.rollouts.worker_process import WorkerProcess, place
 from gamekeeper.rollouts.workers import TaskOutcome, run_task
 
@@ -239,6 +240,19 @@ def test_workers_load_only_the_standard_library_before_the_task() -> None:
     assert facts["argv"] == []
     if sys.platform == "linux":
         assert facts["threads"] == 1
+
+
+@pytest.mark.parametrize("modules", [None, ["json"]], ids=["fresh", "warm"])
+def test_workers_look_for_garbage_in_what_a_task_makes_alone(modules: list[str] | None) -> None:
+    """What was imported before a task is left out of the garbage collector's later searches."""
+    if modules is None:
+        facts = run("facts").value
+    else:
+        with WarmWorker(modules) as worker:
+            facts = worker.run("tests.rollouts.worker_tasks:facts", {}).value
+    assert isinstance(facts, dict)
+    assert facts["collects"]
+    assert facts["frozen"] > 1_000
 
 
 def test_workers_import_modules_beside_the_script(

@@ -4,6 +4,7 @@
 
 import atexit
 import ctypes
+import gc
 import multiprocessing
 import os
 import random
@@ -120,6 +121,8 @@ def facts(report: Any) -> dict[str, Any]:
         "loaded": sorted(sys.modules),
         "pid": os.getpid(),
         "threads": threading.active_count(),
+        "collects": gc.isenabled(),
+        "frozen": gc.get_freeze_count(),
     }
 
 

@@ -1,5 +1,6 @@
 """Workers that fork for each task, so that what all tasks import is loaded once."""
 
+import gc
 import importlib
 import os
 import sys
@@ -102,9 +103,12 @@ def serve(report: Any, *, modules: Sequence[str]) -> None:
         modules: names of the modules; one that is missing is left to the task that needs it.
     """
     perform: Callable[..., bytes] = sys.modules["__main__"].__dict__["perform"]
+    gc.disable()
     for name in modules:
         with suppress(ImportError):  # a task that needs it says so
             importlib.import_module(name)
+    gc.freeze()  # no fork looks through, and so copies, what all of them have
+    gc.enable()
     report.send("returned", None)
     report.send("ended", 0)  # ready
     while True:
