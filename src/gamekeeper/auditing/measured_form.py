@@ -229,7 +229,8 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
         id(counterfactual.unchanged_rerun): counterfactual.noise is None
         for counterfactual in evidence.counterfactuals("influence")
     }
-    if evidence.blind or not any(episode.turns for episode in evidence["rollout"]):
+    rollouts = evidence["rollout"]
+    if evidence.blind or (rollouts and not any(episode.turns for episode in rollouts)):
         return None
     orders = [fact.value.result != "noise" for fact in evidence.facts(OrderOutcome)]
     again = [

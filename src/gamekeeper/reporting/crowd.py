@@ -7,10 +7,7 @@ from typing import Final
 
 MOST_ROWS: Final = 16
 """Most agents with a row each."""
-CROWD_LEGEND: Final = (
-    "others: agents no further from the median of the first column, least to largest value; "
-    "--json has each"
-)
+CROWD_LEGEND: Final = "others: the agents nearest the median, least to largest value"
 
 
 def split(values: Sequence[float | None], *, most: int = MOST_ROWS) -> tuple[list[int], list[int]]:

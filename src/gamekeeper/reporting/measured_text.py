@@ -35,7 +35,7 @@ DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
 }
 """Places of a contract that declare a key of `measured`; `*`: each name."""
 BY_AGENT: Final = "by_agent"
-COLUMNS: Final = {"least": "least reward of a step", "most": "largest", "open": "not ended"}
+COLUMNS: Final = {"least": "min reward", "most": "max reward", "open": "not ended"}
 """Names of columns that are more than their key."""
 LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
@@ -109,7 +109,7 @@ def measured_text(audit: Document, *, width: int) -> str:
     lag = lag_unit(str(audit.get("api")))
     influence = influence_text(measured.get("influence") or (), width=width, lag=lag)
     if influence and measured.get("looked_ahead"):
-        text = f"Effects later than {measured['looked_ahead']} {lag} aren't looked for."
+        text = f"Searched up to {measured['looked_ahead']} {lag} later."
         influence = "\n".join([influence, *wrapped(text, width, first=INDENT, rest=INDENT)])
     parts.append(influence)
     parts.append(_errors_text(measured.get("errors") or (), width=width))

@@ -88,7 +88,7 @@ def truncations_lose_no_reward(contract: Contract, evidence: ProbeEvidence) -> C
     "rollout",
     confidence=0.8,
     looks_at="ten replaced actions that move a reward, in an environment whose steps almost all "
-    "pay somebody",
+    "pay a reward",
 )
 def rewards_are_not_held_back(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reward isn't held back for some steps: not the first steps pay nothing, nor is it lost.
