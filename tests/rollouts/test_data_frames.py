@@ -32,6 +32,6 @@ def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         def to_pandas(self) -> None:
             raise ImportError("no pandas")
 
-    monkeypatch.setattr(type(evidence), "_table", lambda *_: Table())
+    monkeypatch.setattr(type(evidence), "agent_steps", Table())
     with pytest.raises(DependencyError, match="pip install pandas"):
         evidence.to_pandas()
