@@ -334,7 +334,7 @@ def _write(target: Path, contents: Mapping[str, Content]) -> None:
 
 NAMESPACE: Final = "gamekeeper-claim"
 SUFFIX: Final = ".sig"
-MOST_SAID: Final = 300
+MOST_OUTPUT: Final = 300
 
 
 def signed(claim: Path, key: Path) -> Path:
@@ -354,7 +354,7 @@ def signed(claim: Path, key: Path) -> Path:
             "the claim is packed, and can't be signed by this key",
             where=str(key),
             expected="an SSH key that you can use",
-            actual=_said(done),
+            actual=_output_of(done),
             fix="name the private key, such as ~/.ssh/id_ed25519",
         )
     return target
@@ -388,7 +388,7 @@ def signer_of(claim: Path, signers: Path) -> str:
             "the signature isn't one of an allowed signer over this claim",
             where=str(signature),
             expected=f"a signer of {signers}",
-            actual=_said(checked),
+            actual=_output_of(checked),
             fix="ask whoever packed it for the claim and its signature again",
         )
     return name
@@ -408,5 +408,5 @@ def _keygen(
         return subprocess.run(line, capture_output=True, check=False, stdin=file)
 
 
-def _said(done: subprocess.CompletedProcess[bytes]) -> str:
-    return (done.stderr or done.stdout).decode(errors="replace").strip()[:MOST_SAID]
+def _output_of(done: subprocess.CompletedProcess[bytes]) -> str:
+    return (done.stderr or done.stdout).decode(errors="replace").strip()[:MOST_OUTPUT]

@@ -107,8 +107,8 @@ class Evaluation:
 
     @legible
     def _repr_html_(self) -> str:
-        said = "".join(f"<li>{escape(text)}</li>" for text in (*self.notes, *self.claims))
-        return f"{html_table(self.rows(), caption=self.name)}<ul>{said}</ul>"
+        items = "".join(f"<li>{escape(text)}</li>" for text in (*self.notes, *self.claims))
+        return f"{html_table(self.rows(), caption=self.name)}<ul>{items}</ul>"
 
 
 def is_headline(row: Mapping[str, Any]) -> bool:

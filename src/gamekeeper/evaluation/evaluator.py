@@ -184,7 +184,7 @@ def _evaluated(
         note(text)
     stopping = None if spec.stop is None else Stopping(spec, inspections)
     episodes, played = _played(spec, evaluation_run, matches, stopping)
-    note(_said_of(played, episodes * len(matches)))
+    note(_progress_note(played, episodes * len(matches)))
     table, merged = evaluation_run.merge(matches, episodes)
     evidence = evaluation_run.keep(matches, episodes) if spec.record else []
     figures, grounds, judge = judged_of(spec, inspections, matches, table)
@@ -299,7 +299,7 @@ def _played(
         played += evaluation_run.play(matches, first, last)
 
 
-def _said_of(played: int, whole: int) -> str:
+def _progress_note(played: int, whole: int) -> str:
     """Says how many episodes were played, and how many an earlier call had left."""
     if not played:
         return f"no episode was missing: {whole:,} were there already"

@@ -165,12 +165,12 @@ def _crossed(crossplay: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         if found["ranking"]:
             cycle = found["ranking"]["cycle"]
             beaten = [*cycle[1:], cycle[0]]
-            said = ", ".join(f"{a} beats {b}" for a, b in zip(cycle, beaten, strict=True))
+            beats = ", ".join(f"{a} beats {b}" for a, b in zip(cycle, beaten, strict=True))
             shares = ", ".join(
                 f"{policy} {100 * share:.0f} %"
                 for policy, share in found["ranking"]["alpha_rank"].items()
             )
             yield (
-                f"{name} has no ranking: {said}. By alpha-rank, the share of time that a "
+                f"{name} has no ranking: {beats}. By alpha-rank, the share of time that a "
                 f"population plays each where better ones take over: {shares}."
             )

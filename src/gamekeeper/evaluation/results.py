@@ -430,7 +430,10 @@ def _pairs(
         if a not in scores or b not in scores:
             continue
         is_run = any(spec.policies[name].is_method for name in (a, b))
-        ones, twos = (_units(scores[name], is_run=is_run) for name in (a, b))
+        ones, twos = (
+            {env: np.asarray(each.mean(axis=1) if is_run else each[0]) for env, each in own.items()}
+            for own in (scores[a], scores[b])
+        )
         if not is_run and any(len(ones[name]) != len(twos[name]) for name in ones):
             continue  # an episode broke off, so that they can't be paired
         found = judge.improvement(ones, twos, paired=not is_run, of=f"{a} and {b} over all")
@@ -442,10 +445,3 @@ def _pairs(
             "unit": "run" if is_run else "episode",
             "improvement": found,
         }
-
-
-def _units(scores: Scores, *, is_run: bool) -> Scores:
-    """[units] by environment: runs' means, or the episodes of the one checkpoint."""
-    return {
-        name: np.asarray(each.mean(axis=1) if is_run else each[0]) for name, each in scores.items()
-    }

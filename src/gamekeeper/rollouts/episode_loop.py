@@ -127,7 +127,7 @@ class FailedCall:
         call: `reset`, `last`, `step`, `look`, or `policy`, which couldn't choose (its mask).
         turn: how many steps came before.
         kind: the exception's type.
-        text: what it said.
+        text: of the exception.
         traceback: as text.
     """
 

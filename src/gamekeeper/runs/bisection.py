@@ -106,8 +106,8 @@ def _pip(*words: str) -> str:
             [*PIP, *words], capture_output=True, text=True, check=True, timeout=PIP_S
         )
     except (OSError, subprocess.SubprocessError) as error:
-        said = str(getattr(error, "stderr", "") or error).strip().splitlines()
-        raise _none(" ".join(words), (said or ["no answer"])[-1]) from error
+        lines = str(getattr(error, "stderr", "") or error).strip().splitlines()
+        raise _none(" ".join(words), (lines or ["no answer"])[-1]) from error
     return done.stdout
 
 
@@ -313,11 +313,11 @@ def _run(repo: Path, words: Sequence[str]) -> bytes:
             ["git", "-C", str(repo), *words], capture_output=True, check=True, timeout=TIMEOUT_S
         )
     except (OSError, subprocess.SubprocessError) as error:
-        said = getattr(error, "stderr", b"") or str(error).encode()
+        output = getattr(error, "stderr", b"") or str(error).encode()
         raise RunError(
             "git gives no answer",
             where=f"git -C {repo} {' '.join(words)}"[:200],
-            actual=said.decode(errors="replace").strip()[:300],
+            actual=output.decode(errors="replace").strip()[:300],
             fix="name a git repository with --repo, and commits of it with --from and --to",
         ) from error
     return done.stdout

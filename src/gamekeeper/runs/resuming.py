@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from gamekeeper.episodes.actions_level import EVERY
-from gamekeeper.episodes.divergence import Divergence, compare
+from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError
@@ -104,14 +104,15 @@ def resume(
                 if again["fingerprint"] != before["fingerprint"]:
                     raise _otherwise(number, "another fingerprint")
             played = runner.play_until(header, turn, chooser=chooser)
-            divergence = _divergence(evidence, evidence.episode_of(header), played, turn)
-            if divergence is not None:
-                raise _otherwise(episode, str(divergence))
+            both = (_cut(each, turn) for each in (evidence.episode_of(header), played))
+            compared = compare(*both, volatile=evidence.contract.volatile_infos())
+            if compared.divergence is not None:
+                raise _otherwise(episode, str(compared.divergence))
         except BaseException:
             opened.env.close()
             raise
-    said = _compared(evidence, turn)
-    return Resumed(opened.env, chooser, *runner.returned(), episode, turn, said)
+    text = _compared(evidence, turn)
+    return Resumed(opened.env, chooser, *runner.returned(), episode, turn, text)
 
 
 def _check_to_the_end(evidence: Evidence, header: Mapping[str, Any], env: str | None) -> None:
@@ -140,11 +141,11 @@ def _compared(evidence: Evidence, turn: int) -> str:
     )
 
 
-def _otherwise(episode: int, seen: str) -> EvidenceError:
+def _otherwise(episode: int, actual: str) -> EvidenceError:
     return EvidenceError(
         "what is played now isn't what was recorded",
         where=f"episode {episode}",
-        actual=seen,
+        actual=actual,
         fix="gamekeeper replay RUN looks for the cause",
     )
 
@@ -162,14 +163,6 @@ def _header(evidence: Evidence, episode: int, turn: int) -> Mapping[str, Any]:
             fix="choose one of these",
         )
     return header
-
-
-def _divergence(
-    evidence: Evidence, recorded: Episode, played: Episode, steps: int
-) -> Divergence | None:
-    """The first difference in the turns that were taken."""
-    one, two = (_cut(each, steps) for each in (recorded, played))
-    return compare(one, two, volatile=evidence.contract.volatile_infos()).divergence
 
 
 def _cut(episode: Episode, steps: int) -> Episode:
