@@ -40,16 +40,16 @@ def scene(*rows, layout=OPEN, wanted=(), **arguments):
     env.reset(seed=1)
     s, t = env.memory.records[0], env.tables[0]
     width = len(rows[0])
-    for name in ("sight", "robots"):
+    for name in ("codes", "robots"):
         s[name][:] = 0
     for y, row in enumerate(rows):
         for x, letter in enumerate(row):
             stands = 5 * ".xX".find(letter) if letter in "xX" else 0
             carried = 5 + 5 * ((x, y) in wanted) if letter in "AVLR" else 0
-            s["sight"][t["cells"][y * width + x]] = max(stands, carried)
+            s["codes"][t["cells"][y * width + x]] = max(stands, carried)
     for i, (x, y, letter) in enumerate(robots):
         cell = t["cells"][y * width + x]
-        s["robots"][cell], s["sight"][cell] = i + 1, s["sight"][cell] + 1 + ARROWS[letter]
+        s["robots"][cell], s["codes"][cell] = i + 1, s["codes"][cell] + 1 + ARROWS[letter]
         s["cell"][i] = s["to"][i] = cell
         s["facing"][i], s["load"][i] = ARROWS[letter], letter in "AVLR"
     return env
@@ -143,7 +143,7 @@ def test_robotic_warehouse_robots_follow_loaded_ones():
     assert after(env, "11")[0][5] == "g._RR_"
     env = scene(*EMPTY, "......", "...R>.", wanted=())
     s, t = env.memory.records[0], env.tables[0]
-    s["sight"][t["cells"][34]] += 5
+    s["codes"][t["cells"][34]] += 5
     assert after(env, "11")[0][5] == "g._Rx>"  # the shelf over robot 1 stands there
 
 
@@ -207,14 +207,14 @@ def test_robotic_warehouse_pays_two_stages():
     """R8: half for the goal, half for putting the shelf back, once each."""
     env = scene(*EMPTY, "......", ".Lx.xx", wanted=[(1, 5)], reward_type="two_stage")
     paid = [after(env, step)[1][1]["robot_0"] for step in "132111"]
-    env.memory.records["sight"][0, env.tables[0]["cells"][32]] = 0
+    env.memory.records["codes"][0, env.tables[0]["cells"][32]] = 0
     s, t = env.memory.records[0], env.tables[0]
     assert paid[0] == 0.5
     assert sum(paid) == 0.5
     place = t["homes"][0]
-    s["sight"][s["cell"][0]], s["robots"][s["cell"][0]] = 0, 0
+    s["codes"][s["cell"][0]], s["robots"][s["cell"][0]] = 0, 0
     s["cell"][0] = s["to"][0] = place
-    s["sight"][place], s["robots"][place] = 5 + 1 + s["facing"][0], 1
+    s["codes"][place], s["robots"][place] = 5 + 1 + s["facing"][0], 1
     assert [after(env, step)[1][1]["robot_0"] for step in "444"] == [0.5, 0, 0]
 
 

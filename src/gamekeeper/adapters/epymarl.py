@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from gamekeeper.adapters.requirements import checked, learners_of, require_policies
+from gamekeeper.adapters.requirements import checked, closed_on_error, learners_of, require_policies
 from gamekeeper.contract import Contract
 from gamekeeper.errors import ActionError, OrderError, SpecError, check_choice
 from gamekeeper.interface.action_mask import legal_flags, reader
@@ -450,11 +450,8 @@ def multi_agent_env(
         check_choice(state, ("state", "observations"), "there is no such state", where="state")
     checked(spec, check, env_kwargs=env_kwargs)
     opened = open_env(spec, **dict(env_kwargs or {}))
-    try:
+    with closed_on_error(opened.env):
         env = MultiAgentEnv(opened, role, others, time_limit=time_limit, state=state, seed=seed)
-    except BaseException:
-        opened.env.close()
-        raise
     env.common_reward, env.is_mean = common_reward is not None, common_reward == "mean"
     return env
 

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from gamekeeper.adapters.learner_steps import LearnerTicks, LearnerTurns
-from gamekeeper.adapters.requirements import require_policies
+from gamekeeper.adapters.requirements import closed_on_error, require_policies
 from gamekeeper.episodes.exception_text import said_by
 from gamekeeper.errors import OrderError, SpecError, check_choice
 from gamekeeper.interface.action_mask import Reader, reader
@@ -51,7 +51,7 @@ def single_agent(
         SpecError: see *refused*.
     """  # noqa: E501  # a row of a table is one line
     opened = open_env(spec, **dict(env_kwargs or {}))
-    try:
+    with closed_on_error(opened.env):
         agents = list(getattr(opened.env, "possible_agents", ()))
         if agent not in agents:
             raise SpecError(
@@ -65,9 +65,6 @@ def single_agent(
         require_policies([other for other in agents if other != agent], others, declared)
         mask = reader(None if declared is None else declared.mask_of(agent))
         return AgentEnv(opened, agent, joint_policy_of(others, opened.env, declared), mask)
-    except BaseException:
-        opened.env.close()
-        raise
 
 
 class AgentEnv(gymnasium.Env[Any, Any]):
@@ -247,12 +244,11 @@ class JointEnv(gymnasium.Env[Any, Any]):
         }
 
     def _info(self, rewards: Any, terms: Any, truncs: Any, infos: Any) -> dict[str, Any]:
-        live = [agent in self.env.agents for agent in self.agents]
         return {
             "rewards": dict(rewards),
             "terminations": dict(terms),
             "truncations": dict(truncs),
-            "live": np.array(live),
+            "live": np.array([agent in self.env.agents for agent in self.agents]),
             "infos": {a: dict(info) for a, info in infos.items()},
         }
 

@@ -7,7 +7,8 @@ that doesn't learn acts at random only where its policy says so: its own, its ro
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from hashlib import blake2b
 from typing import Any, Final
 
@@ -88,12 +89,22 @@ def _warn_of_likeness(spec: object, env_kwargs: Mapping[str, Any] | None) -> Non
         found = alike(opened.env, joint_policy, opened.api, lambda agent: role_of(contract, agent))
     finally:
         opened.env.close()
-    for agents, looks in found.values():
+    for agents, comparisons in found.values():
         sys.stderr.write(
             f"gamekeeper: {', '.join(map(str, agents))} were shown the same observation in all "
-            f"{looks} comparisons: a policy that they share can't tell them apart "
+            f"{comparisons} comparisons: a policy that they share can't tell them apart "
             "(fix: gk.wrappers.agent_id shows each its number; or train a policy for each)\n"
         )
+
+
+@contextmanager
+def closed_on_error(env: Any) -> Iterator[None]:
+    """Closes an environment if the block raises."""
+    try:
+        yield
+    except BaseException:
+        env.close()
+        raise
 
 
 def role_of(contract: Contract | None, agent: Any) -> str:

@@ -18,7 +18,7 @@ from gamekeeper.vector.vector_form import MASK
 
 EPISODES: Final = 2
 STEPS: Final = 12
-"""Steps of each episode that are looked at: two agents that differ have mostly differed by then."""
+"""Compared steps of each episode: two agents that differ have mostly differed by then."""
 
 
 def alike(
@@ -39,7 +39,7 @@ def alike(
     """
     group_of: dict[Any, tuple[Any, ...]] = {}
     rosters = []
-    for step, shown in enumerate(_looks(env, policies, api == "aec")):
+    for step, shown in enumerate(_shown_observations(env, policies, api == "aec")):
         parts: dict[tuple[Any, ...], dict[bytes, list[Any]]] = {}
         for agent, seen in shown.items():
             group = group_of.setdefault(agent, (role_of(agent),))
@@ -48,21 +48,23 @@ def alike(
             for number, agents in enumerate(members.values() if len(members) > 1 else ()):
                 group_of |= dict.fromkeys(agents, (*group, (step, number)))
         rosters.append(list(shown))
-    looks: dict[tuple[Any, ...], list[int]] = {}
+    comparisons: dict[tuple[Any, ...], list[int]] = {}
     for roster in rosters:
         for group, count in Counter(group_of[agent] for agent in roster).items():
             if count > 1:
-                looks.setdefault(group, []).append(count * (count - 1) // 2)
+                comparisons.setdefault(group, []).append(count * (count - 1) // 2)
     found: dict[str, tuple[list[Any], int]] = {}
-    for group, pairs in looks.items():
+    for group, pairs in comparisons.items():
         if len(pairs) > 1:  # one look tells little
-            agents, looked = found.get(group[0], ([], 0))
+            agents, compared = found.get(group[0], ([], 0))
             same = [agent for agent, mine in group_of.items() if mine == group]
-            found[group[0]] = [*agents, *same], looked + sum(pairs)
+            found[group[0]] = [*agents, *same], compared + sum(pairs)
     return found
 
 
-def _looks(env: Any, policies: JointPolicy, is_aec: bool) -> Iterator[dict[Any, bytes]]:
+def _shown_observations(
+    env: Any, policies: JointPolicy, is_aec: bool
+) -> Iterator[dict[Any, bytes]]:
     """Yields what each live agent is shown, step by step, as bytes, in the order of agents."""
     order = list(env.possible_agents)
     for episode in range(EPISODES):

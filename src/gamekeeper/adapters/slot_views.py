@@ -357,14 +357,9 @@ class SlotActions:
         else:
             index = slice(None), self._learners.places
             lead = self._num_envs, len(self._learners)
-            own = changed(actions, lambda part: _reshaped(np.asarray(part), lead))
+            own = changed(actions, lambda part: np.reshape(part, (*lead, *np.shape(part)[1:])))
         if self._learners.are_all:
             return own
         put(self._joint[self._learners.group.name], index, own)
         self._others.act(self._joint, obs, infos)
         return self._joint.get(ALL, self._joint)
-
-
-def _reshaped(array: NDArray[Any], lead: tuple[int, int]) -> NDArray[Any]:
-    """Returns an array [slot, ...] with other axes in place of the first."""
-    return array.reshape(*lead, *array.shape[1:])

@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from gamekeeper.adapters.requirements import policies_of_others, role_of
+from gamekeeper.adapters.requirements import closed_on_error, policies_of_others, role_of
 from gamekeeper.adapters.slot_views import (
     OtherAgents,
     SlotActions,
@@ -94,15 +94,12 @@ class Slots:
         )
         self.seed, self.runs, self.is_watched = seed, 0, False
         self._contract = venv.seen.contract
-        try:
+        with closed_on_error(venv):
             learners = find_learners(venv.groups, role, self._contract)
             names = [agent for _, _, agent in learners.rest]
             policies = policies_of_others(
                 spec, options.get("env_kwargs"), names, others, self._contract, num_envs
             )
-        except BaseException:
-            venv.close()
-            raise
         self.group, self.learners = learners.group, list(learners.agents)
         is_aec = venv.api == "aec"
         self._others = OtherAgents(policies, venv.groups, learners.rest, is_aec=is_aec)

@@ -88,8 +88,8 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         """One tick. Returns what the environment returned."""
         payloads: list[Any] | None = None
         is_usual = self._is_usual and self._half is None and actions.__class__ is dict
-        if is_usual and list(actions) == self._who:
-            payloads = list(map(call, self._doers, actions.values()))
+        if is_usual and list(actions) == self._row_agents:
+            payloads = list(map(call, self._action_packers, actions.values()))
         if payloads is None or None in payloads:
             self._write_out()
             return super().step(actions)
@@ -119,7 +119,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         This is all that most ticks cost, so one walk over the agents looks at all that there is to
         look at. The rows that wait are those of the last tick: nothing of them is written anew.
         """
-        who, coming = self._who, self.turn + 1
+        who, coming = self._row_agents, self.turn + 1
         count = len(who)
         if (
             coming >= self._quiet_below
@@ -150,7 +150,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         """Books a tick whose actions were usual, and begins the rows of whatever follows."""
         rewards = parts[1]
         paid = list(rewards.values()) if rewards.__class__ in DICTS else []
-        if paid and list(rewards) == self._who and _are_usual(paid):
+        if paid and list(rewards) == self._row_agents and _are_usual(paid):
             self._commit_usual(self._indexes, payloads, paid)
         else:
             self._write_out()
@@ -183,11 +183,11 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         kinds = observations.__class__, terms.__class__, truncs.__class__
         if kinds != (dict, dict, dict) or rewards.__class__ not in DICTS:
             return False
-        if agents != self._who or len(self._indexes) != len(self._who):
+        if agents != self._row_agents or len(self._indexes) != len(self._row_agents):
             if agents.__class__ is not list:
                 return False
             self._take_agents(list(agents))
-        who = self._who
+        who = self._row_agents
         if not list(observations) == list(terms) == list(truncs) == who:
             return False
         return all(map(is_, terms.values(), repeat(False))) and all(
@@ -196,7 +196,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
 
     def _take_agents(self, who: list[AgentId]) -> None:
         super()._take_agents(who)
-        self._indexes = [index for index, _ in self._givers]
+        self._indexes = [index for index, _ in self._observation_packers]
 
     def _add_row(self, agent: AgentId, *, live: bool) -> None:
         super()._add_row(agent, live=live)
@@ -249,8 +249,8 @@ class AECActionsCapture(_Witnessed, AECCapture):
     def step(self, action: Any) -> None:
         """One turn of the agent whose turn it is."""
         if (
-            self._seen_payload is not OBSERVED
-            or self._seen is _NEVER
+            self._observation is not OBSERVED
+            or self._observer is _NEVER
             or action is None
             or self._news
             or self._half is not None
@@ -264,7 +264,7 @@ class AECActionsCapture(_Witnessed, AECCapture):
         payload = pack(action)
         if (
             payload is None
-            or self._seen != agent
+            or self._observer != agent
             or agent not in self._live
             or entry_of(books.terminations, agent) is not False
             or entry_of(books.truncations, agent) is not False
@@ -297,12 +297,12 @@ class AECActionsCapture(_Witnessed, AECCapture):
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._quiet_below, self._seen, self._is_sure = 0, _NEVER, False
+            self._quiet_below, self._observer, self._is_sure = 0, _NEVER, False
             done = 0, payload, None, None, type_name_of(type(error)), None
             self._put(agent, _usual_row(index), done, [], _UNTIMED)
             self.fail(traceback_text(error), in_step=True)
             raise
-        self._failure, self._seen = None, _NEVER
+        self._failure, self._observer = None, _NEVER
         self._half = self.turn, agent, None, payload, None, _UNTIMED
 
     def _book(self, turn: int, *env_step: Any) -> None:
@@ -319,7 +319,7 @@ class AECActionsCapture(_Witnessed, AECCapture):
             or _is_set(entry_of(books.truncations, agent))
         )
 
-    def _look(self, agent: AgentId, observation: Any) -> None:
+    def _note_observation(self, agent: AgentId, observation: Any) -> None:
         if self._half is not None:
             self._fix()
         books = self._books
@@ -328,17 +328,17 @@ class AECActionsCapture(_Witnessed, AECCapture):
             and entry_of(books.truncations, agent) is False
         )
         if not self.turn % EVERY or (not is_live and self._is_witness(agent)):
-            super()._look(agent, observation)
+            super()._note_observation(agent, observation)
             return
-        if self._seen_payload.__class__ is LargePlace and self._seen is not _NEVER:
-            self.sink.rings.release(self._seen_payload)  # type: ignore[union-attr]  # it put it there
-        self._seen_nonconforming = self._stood = None
-        self._seen_payload, self._seen = OBSERVED, agent
+        if self._observation.__class__ is LargePlace and self._observer is not _NEVER:
+            self.sink.rings.release(self._observation)  # type: ignore[union-attr]  # it put it there
+        self._observation_fields = self._stood = None
+        self._observation, self._observer = OBSERVED, agent
 
     def _given(self, agent: AgentId, index: int) -> tuple[Any, ...]:
         if self._is_witness(agent):
             return super()._given(agent, index)
-        seen = OBSERVED if self._seen is not _NEVER and self._seen == agent else None
+        seen = OBSERVED if self._observer is not _NEVER and self._observer == agent else None
         books, fields = self._books, list[str]()
         terminated = flag_of(entry_of(books.terminations, agent), "terminated", fields)
         truncated = flag_of(entry_of(books.truncations, agent), "truncated", fields)
@@ -354,7 +354,7 @@ class BookkeptActionsCapture(AECActionsCapture, BookkeptCapture):
     step touched.
     """
 
-    def _look(self, agent: AgentId, observation: Any) -> None:
+    def _note_observation(self, agent: AgentId, observation: Any) -> None:
         books = self._books
         if (
             self.turn < self._quiet_below
@@ -362,14 +362,14 @@ class BookkeptActionsCapture(AECActionsCapture, BookkeptCapture):
             and books.terminations.get(agent) is False
             and books.truncations.get(agent) is False
         ):
-            self._seen = agent
+            self._observer = agent
         else:
             self._quiet_below = 0
-            super()._look(agent, observation)
+            super()._note_observation(agent, observation)
 
     def step(self, action: Any) -> None:
         """One turn of the agent whose turn it is."""
-        agent, books = self._seen, self._books
+        agent, books = self._observer, self._books
         packers = self._packers.get(agent)  # None where nobody has looked: `_NEVER` has none
         if packers is None or self.turn >= self._quiet_below or agent != books.agent_selection:
             self._step_any(action)
@@ -405,7 +405,7 @@ class BookkeptActionsCapture(AECActionsCapture, BookkeptCapture):
     def _settle(self) -> None:
         """Leaves `_quiet_below` as it was set after the step where the turn that comes is quiet."""
         if self._open and self._is_sure and not self._news and self.turn % EVERY:
-            self._seen_payload, self._seen_nonconforming, self._stood = OBSERVED, None, None
+            self._observation, self._observation_fields, self._stood = OBSERVED, None, None
         else:
             self._quiet_below = 0
 

@@ -104,20 +104,12 @@ class Flags:
         self._known, self._values = dict(flags), list(flags.values())
         return changed
 
-    def forget(self, agent: AgentId) -> bool:
-        """Takes out an agent that has left; whether its flag was set."""
-        if agent not in self._known:
-            return False
-        flag = self._known.pop(agent)
-        self._values = list(self._known.values())
-        return _is_set(flag)
-
     def put(self, agent: AgentId, flag: Any) -> None:
         """Takes one flag as known; `differ_from` then says that they differ."""
         self._known[agent], self._values = flag, []
 
     def drop(self, agent: AgentId) -> bool:
-        """Takes out an agent that has left, likewise; whether its flag was set."""
+        """Takes out an agent that has left, likewise; returns True if its flag was set."""
         self._values = []
         return _is_set(self._known.pop(agent, False))
 

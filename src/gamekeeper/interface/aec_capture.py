@@ -52,9 +52,9 @@ class AECCapture(Capture):
         self._terminated, self._truncated = Flags("terminated"), Flags("truncated")
         self._news: list[AgentId] = []  # agents with a row at the start of the turn that comes
         self._is_sure = True  # no step broke off since roster and flags were compared
-        self._seen: Any = _NEVER  # whose observation was looked at in this turn
-        self._seen_payload: Any = None
-        self._seen_nonconforming: tuple[str, ...] | None = None
+        self._observer: Any = _NEVER  # agent whose observation was looked at in this turn
+        self._observation: Any = None
+        self._observation_fields: tuple[str, ...] | None = None
         self._stood: tuple[Any, ...] | None = None  # what was given, while the step is made
 
     @property
@@ -69,7 +69,7 @@ class AECCapture(Capture):
             return
         self._books = books_of(self.env)
         self._first_look()
-        self._seen = _NEVER
+        self._observer = _NEVER
         self._terminated.clear()
         self._truncated.clear()
         self._roster = list(self._books.agents)
@@ -87,7 +87,7 @@ class AECCapture(Capture):
             self.fail_at_last(traceback_text(error))
             raise
         if observe and self.sink is not None and self._open:
-            self._look(self._books.agent_selection, out[0])
+            self._note_observation(self._books.agent_selection, out[0])
         return out
 
     def observe(self, agent: AgentId) -> Any:
@@ -100,23 +100,23 @@ class AECCapture(Capture):
             self.fail_at_last(traceback_text(error))
             raise
         if self.sink is not None and self._open and agent == self._books.agent_selection:
-            self._look(agent, out)
+            self._note_observation(agent, out)
         return out
 
-    def _look(self, agent: AgentId, observation: Any) -> None:
+    def _note_observation(self, agent: AgentId, observation: Any) -> None:
         """Notes the latest look of this turn; an earlier one is forgotten."""
         if self._half is not None:
             self._fix()
-        if self._seen_payload.__class__ is LargePlace and self._seen is not _NEVER:
+        if self._observation.__class__ is LargePlace and self._observer is not _NEVER:
             # Forgotten first: an interrupt in between may lose a place, and never frees one twice.
-            self._seen = _NEVER
-            self.sink.rings.release(self._seen_payload)  # type: ignore[union-attr]  # it put it there
+            self._observer = _NEVER
+            self.sink.rings.release(self._observation)  # type: ignore[union-attr]  # it put it there
         _, pack, _ = self._packers.get(agent) or self._packers_of(agent)
         payload = pack(observation)
-        self._seen_nonconforming = (
+        self._observation_fields = (
             None if payload is not None else (nonconforming("obs", observation),)
         )
-        self._seen_payload, self._seen, self._stood = payload, agent, None
+        self._observation, self._observer, self._stood = payload, agent, None
 
     def step(self, action: Any) -> None:
         """One turn of the agent whose turn it is."""
@@ -142,7 +142,7 @@ class AECCapture(Capture):
         except BaseException as error:
             wall_ns = perf_counter_ns() - start
             done = 0, payload, None, None, type_name_of(type(error)), entry
-            self._seen, self._is_sure, self._stood = _NEVER, False, None
+            self._observer, self._is_sure, self._stood = _NEVER, False, None
             self._put(agent, given, done, [], wall_ns)
             self.fail(traceback_text(error), in_step=True)
             raise
@@ -151,13 +151,13 @@ class AECCapture(Capture):
         # The environment has stepped: what an interrupt keeps from being booked from here on,
         # `_fix` books before anything else is recorded.
         self._half = self.turn, agent, given, payload, entry, wall_ns
-        self._seen, self._stood = _NEVER, None
+        self._observer, self._stood = _NEVER, None
         self._pay(agent, given, payload, entry, wall_ns)
         self._note(agent)
         self._half = None
 
     def _book(self, turn: int, *env_step: Any) -> None:
-        self._seen, self._is_sure, self._stood = _NEVER, False, None
+        self._observer, self._is_sure, self._stood = _NEVER, False, None
         if self.turn == turn:  # no mark was set: `cut_back` took the rows off, if there were any
             self._pay(*env_step)
         self._note(env_step[0])
@@ -176,8 +176,8 @@ class AECCapture(Capture):
             truncated = entry_of(books.truncations, agent)
             info = entry_of(books.infos, agent)
         payload, fields, text, mask = None, None, None, None
-        if self._seen is not _NEVER and self._seen == agent:
-            payload, fields = self._seen_payload, self._seen_nonconforming
+        if self._observer is not _NEVER and self._observer == agent:
+            payload, fields = self._observation, self._observation_fields
         kind = cumulative_reward.__class__
         if (
             kind not in REALS
@@ -278,8 +278,8 @@ class AECCapture(Capture):
         """Notes agents that joined or left; the actor's leaving by its own None turn is no news."""
         now, then = set(agents), self._live
         for agent in filterfalse(now.__contains__, self._roster):
-            # `|` and not `or`: both have to forget the agent
-            is_flagged = self._terminated.forget(agent) | self._truncated.forget(agent)
+            # `|` and not `or`: both have to drop the agent
+            is_flagged = self._terminated.drop(agent) | self._truncated.drop(agent)
             if agent != actor or not is_flagged:
                 self._news.append(agent)
         self._news.extend(filterfalse(then.__contains__, agents))
@@ -298,8 +298,8 @@ class AECCapture(Capture):
         given: Sequence[Any] = ()
         done: Sequence[Any] = ()
         news = self._news
-        if agents and self._seen is not _NEVER:
-            agent = self._seen
+        if agents and self._observer is not _NEVER:
+            agent = self._observer
             index, _, _ = self._packers.get(agent) or self._packers_of(agent)
             given = self._stood or self._given(agent, index)  # an interrupted step changes books
             done = _NOTHING_DONE
@@ -308,7 +308,7 @@ class AECCapture(Capture):
         if not self._is_closed:
             rows = len(done) // len(_NOTHING_DONE) + len(theirs) // len(_NOTHING_DONE)
             self._commit([*given, *others], [*done, *theirs], rows, None)
-        self._news, self._seen, self._stood = [], _NEVER, None
+        self._news, self._observer, self._stood = [], _NEVER, None
         over = all(self._terminated.has(agent) or self._truncated.has(agent) for agent in agents)
         self._finish("ended" if over else "cut")
 

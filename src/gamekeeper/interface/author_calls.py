@@ -170,19 +170,19 @@ class AuthorCalls:
     def _absent(self, agent: AgentId, deed: str) -> ContractError:
         """Error about an agent that isn't in the roster."""
         if agent in self.endings:
-            seen, fix = (
+            actual, fix = (
                 f"it ended before: {self.endings[agent]}",
                 "ask `agent in self.agents` first",
             )
         elif agent in self.possible_agents:
-            seen, fix = "it hasn't joined", "call self.join(agent) first"
+            actual, fix = "it hasn't joined", "call self.join(agent) first"
         else:
-            seen, fix = "nobody of that name", "use a name of possible_agents"
+            actual, fix = "nobody of that name", "use a name of possible_agents"
         return ContractError(
             f"agent {agent!r} was {deed} and isn't in the roster",
             where="the rules",
             expected="one of self.agents",
-            actual=seen,
+            actual=actual,
             fix=fix,
         )
 
@@ -242,6 +242,17 @@ def reset_arguments(seed: int | None, options: Mapping[str, Any] | None) -> dict
 def before_reset(call: str) -> OrderError:
     """Something was called before the first reset."""
     return OrderError(f"{call}() came before reset()", where=call, fix="call reset() first")
+
+
+def loop_without_step(kind: type[OrderError] = OrderError) -> OrderError:
+    """Error of a loop over `agent_iter` that went round without a step."""
+    return kind(
+        "a loop over agent_iter() went round without a step",
+        where="agent_iter",
+        expected="step() or reset() once in each round",
+        actual="neither",
+        fix="call step(action) once in each round; None for an agent that has ended",
+    )
 
 
 def after_end(call: str) -> OrderError:

@@ -22,7 +22,7 @@ from typing import Any
 from gymnasium.spaces import Space
 from pettingzoo import AECEnv
 
-from gamekeeper.errors import ActionError, OrderError
+from gamekeeper.errors import ActionError
 from gamekeeper.interface.author_calls import (
     HORIZON,
     AgentId,
@@ -32,6 +32,7 @@ from gamekeeper.interface.author_calls import (
     before_reset,
     check_first_state,
     check_roster,
+    loop_without_step,
 )
 from gamekeeper.interface.legality import judge, learn_ranges, refused
 
@@ -306,13 +307,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
     def __turns_to_come(self, left: int) -> Iterator[Any]:
         while left > 0 and self.agents:
             if not self.__stepped:
-                raise OrderError(
-                    "a loop over agent_iter() went round without a step",
-                    where="agent_iter",
-                    expected="step() or reset() once in each round",
-                    actual="neither",
-                    fix="call step(action) once in each round; None for an agent that has ended",
-                )
+                raise loop_without_step()
             self.__stepped = False
             left -= 1
             yield self.agent_selection

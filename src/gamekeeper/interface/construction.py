@@ -230,23 +230,23 @@ def _called(target: Callable[..., object]) -> str:
 
 
 def _no_env(env: object, source: Source) -> SpecError:
-    seen, fix = f"{type(env).__module__}.{type(env).__qualname__}", "return the environment"
+    actual, fix = f"{type(env).__module__}.{type(env).__qualname__}", "return the environment"
     if env is None:
-        seen, fix = "None", "return the environment at the factory's end"
+        actual, fix = "None", "return the environment at the factory's end"
     elif inspect.isclass(env):
-        seen, fix = f"the class {env.__qualname__} itself", "return an instance of it"
+        actual, fix = f"the class {env.__qualname__} itself", "return an instance of it"
     elif inspect.iscoroutine(env):
         env.close()
         fix = "a factory can't be async"
     elif isinstance(env, gymnasium.Env):
-        seen, fix = f"{seen}, a single-agent Gymnasium environment", "give it agents"
+        actual, fix = f"{actual}, a single-agent Gymnasium environment", "give it agents"
     elif hasattr(env, "possible_agents") and hasattr(env, "step"):
         fix = "let its class inherit from pettingzoo.AECEnv or pettingzoo.ParallelEnv"
     return SpecError(
         f"{source.spec} built something that is no PettingZoo environment",
         where=source.spec,
         expected="an AECEnv or a ParallelEnv",
-        actual=seen,
+        actual=actual,
         fix=fix,
     )
 

@@ -123,10 +123,7 @@ def load_file(typed: str) -> tuple[ModuleType, Path]:
 
 def _run(source: bytes, path: Path, name: str, typed: str) -> None:
     spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None:  # a path that ends in .py always has a loader; this is for type checkers
-        raise SpecError(
-            f"{typed} can't be loaded", where=typed, fix="name a Python file that can be imported"
-        )
+    assert spec is not None  # a path that ends in .py always has a loader
     sys.modules[name] = module = importlib.util.module_from_spec(spec)
     try:
         with foreign(f"loading {typed}", where=typed), first_on_path(path.parent):
@@ -195,17 +192,17 @@ def _existing(typed: str) -> Path:
         if path.is_file():
             return path
         there = [other.name for other in path.parent.glob("*.py")] if path.parent.is_dir() else []
-        seen = "a folder" if path.is_dir() else f"nothing there{nearest(path.name, there)}"
+        actual = "a folder" if path.is_dir() else f"nothing there{nearest(path.name, there)}"
         absent = next((p for p in reversed(path.parents) if not p.is_dir()), None)
         if absent is not None:
-            seen = f"there is no folder {absent}"
+            actual = f"there is no folder {absent}"
     except (OSError, ValueError, RuntimeError) as error:  # too long, a null byte, no home folder
-        seen = str(error)
+        actual = str(error)
     raise NotHereError(
         f"there is no file {typed}",
         where=typed,
         expected=f"a Python file at {path}",
-        actual=seen,
+        actual=actual,
         fix="give the path from the current folder, or from the root",
     )
 
@@ -216,16 +213,16 @@ def _no_module(missing: str, name: str) -> NotHereError:
     if parent:
         package = sys.modules.get(parent)
         there = [info.name for info in pkgutil.iter_modules(getattr(package, "__path__", []))]
-        seen = f"'{parent}' has no module '{part}'{nearest(part, there)}"
+        actual = f"'{parent}' has no module '{part}'{nearest(part, there)}"
         close = difflib.get_close_matches(part, there, n=1, cutoff=0.8)
         meant = meant or [f"{parent}.{each}" for each in close]
     else:
         tops = importlib.metadata.packages_distributions()
-        seen = f"no module '{part}' is installed or in the current folder{nearest(part, tops)}"
+        actual = f"no module '{part}' is installed or in the current folder{nearest(part, tops)}"
     return NotHereError(
         f"there is no module {name}",
         where=name,
         expected="a module that can be imported",
-        actual=seen,
+        actual=actual,
         fix=did_you_mean(meant) or "install the package that holds it, or start where it lies",
     )

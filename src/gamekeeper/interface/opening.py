@@ -185,7 +185,7 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
         raise SpecError(**miss.parts())
     raise SpecError(
         f"no environment can be found as {shown!r}",
-        actual=_looks(misses) or f"a {type(spec).__qualname__} of another form",
+        actual=_misses_text(misses) or f"a {type(spec).__qualname__} of another form",
         fix=did_you_mean(likely(canonical(spec)) if isinstance(spec, str) else ())
         or f"name it in one of these forms:{_forms(opener for _, opener in openers)}",
     )
@@ -210,7 +210,7 @@ def _forms(openers: Iterable[Opener]) -> str:
     return "".join(f"\n    {opener.SYNTAX}" for opener in openers) + notes
 
 
-def _looks(misses: Iterable[NotHereError]) -> str:
+def _misses_text(misses: Iterable[NotHereError]) -> str:
     return "".join(f"\n    {miss.what}: {miss.actual}" for miss in misses)
 
 

@@ -34,9 +34,11 @@ class ParallelCapture(Capture):
 
     def __init__(self, env: Any, **settings: Any) -> None:
         super().__init__(env, **settings)
-        self._who: list[AgentId] = []  # the agents of the rows that wait for an action
-        self._givers: list[tuple[int, Pack]] = []  # index and observation packer of each of them
-        self._doers: list[Pack] = []  # action packer of each of them
+        self._row_agents: list[AgentId] = []  # the agents of the rows that wait for an action
+        self._observation_packers: list[
+            tuple[int, Pack]
+        ] = []  # index and observation packer of each of them
+        self._action_packers: list[Pack] = []  # action packer of each of them
         self._waiting: list[Any] = []  # those rows: what was given
         self._ended = False
         self._observations: Any = {}
@@ -99,9 +101,11 @@ class ParallelCapture(Capture):
         moves, parts, wall_ns = env_step
         if self.turn == turn:
             # The interrupt may have come between a stranger's row and its name in `_who`.
-            del self._waiting[len(self._who) * GIVEN :]
-            self._pay([*moves, *[NO_MOVE] * (len(self._who) - len(moves))], parts[1], wall_ns)
-        self._take_agents(self._who)
+            del self._waiting[len(self._row_agents) * GIVEN :]
+            self._pay(
+                [*moves, *[NO_MOVE] * (len(self._row_agents) - len(moves))], parts[1], wall_ns
+            )
+        self._take_agents(self._row_agents)
         self._stepped()
         self._give(*parts)
 
@@ -128,7 +132,9 @@ class ParallelCapture(Capture):
             terms = truncs = dict.fromkeys(names, False)
         elif rewards.__class__ is defaultdict:  # as PettingZoo converts; a look would add to it
             rewards = dict(rewards)
-        rows = count or len(self._who)  # where nobody lives on, those who acted are told of it
+        rows = count or len(
+            self._row_agents
+        )  # where nobody lives on, those who acted are told of it
         # The usual case costs one pass: plain dictionaries with exactly the agents that have rows.
         if (
             observations.__class__
@@ -138,10 +144,10 @@ class ParallelCapture(Capture):
             is infos.__class__
             is dict
         ) and len(observations) == len(rewards) == len(terms) == len(truncs) == len(infos) == rows:
-            if count and agents != self._who:
+            if count and agents != self._row_agents:
                 self._take_agents(list(agents))
             parts = observations, rewards, terms, truncs, infos
-            is_usual = count > 0 or list(observations) == self._who
+            is_usual = count > 0 or list(observations) == self._row_agents
             if is_usual and self._give_usual(waiting.extend, count > 0, *parts):
                 self._ended = not count
                 if not count:
@@ -162,7 +168,9 @@ class ParallelCapture(Capture):
     ) -> bool:
         """Rows of agents that all live on, or none, as declared; whether it was so."""
         try:
-            for agent, (index, pack) in zip(self._who, self._givers, strict=True):
+            for agent, (index, pack) in zip(
+                self._row_agents, self._observation_packers, strict=True
+            ):
                 payload = pack(observations[agent])
                 reward, info = rewards[agent], infos[agent]
                 terminated, truncated = terms[agent], truncs[agent]
@@ -210,9 +218,9 @@ class ParallelCapture(Capture):
     def _take_agents(self, who: list[AgentId]) -> None:
         """The rows of the turn that comes are those of `who`."""
         packers = [self._packers.get(agent) or self._packers_of(agent) for agent in who]
-        self._who = who
-        self._givers = [(index, pack) for index, pack, _ in packers]
-        self._doers = [pack for _, _, pack in packers]
+        self._row_agents = who
+        self._observation_packers = [(index, pack) for index, pack, _ in packers]
+        self._action_packers = [pack for _, _, pack in packers]
 
     def _take_back(self, waiting: list[Any]) -> None:
         """Rows of a turn that began otherwise than usual are written again."""
@@ -256,28 +264,28 @@ class ParallelCapture(Capture):
         """
         if actions.__class__ is not dict and not isinstance(actions, Mapping):
             actions = {}
-        if list(actions) != self._who:
+        if list(actions) != self._row_agents:
             return self._moves_out_of_order(actions)
-        payloads = list(map(call, self._doers, actions.values()))
+        payloads = list(map(call, self._action_packers, actions.values()))
         if None not in payloads:
             return list(zip(range(len(payloads)), payloads, repeat(None)))  # the third is endless
         moves: list[Move] = []
         for order, (payload, action) in enumerate(zip(payloads, actions.values(), strict=True)):
             entry = None
             if payload is None:
-                payload, entry = self._nonconforming_action(self._who[order], action)
+                payload, entry = self._nonconforming_action(self._row_agents[order], action)
             moves.append((order, payload, entry))
         return moves
 
     def _moves_out_of_order(self, actions: Mapping[AgentId, Any]) -> list[Move]:
         order = {agent: place for place, agent in enumerate(actions)}
-        known = set(self._who)
+        known = set(self._row_agents)
         live = getattr(self.env, "agents", ())
         for agent in actions:
             if agent not in known:
                 self._add_row(agent, live=agent in live)
         moves: list[Move] = []
-        for agent in self._who:
+        for agent in self._row_agents:
             if agent not in order:
                 moves.append(NO_MOVE)
                 continue
@@ -291,9 +299,12 @@ class ParallelCapture(Capture):
         """A row of an agent that was given nothing at this turn."""
         index, observe, act = self._packers.get(agent) or self._packers_of(agent)
         self._waiting.extend((index, *NOTHING_GIVEN, live, None))
-        self._who = [*self._who, agent]  # a list of its own: the caller may be walking over the old
-        self._givers.append((index, observe))
-        self._doers.append(act)
+        self._row_agents = [
+            *self._row_agents,
+            agent,
+        ]  # a list of its own: the caller may be walking over the old
+        self._observation_packers.append((index, observe))
+        self._action_packers.append(act)
 
     def _pay(self, moves: list[Move], rewards: Any, wall_ns: int) -> None:
         """Completes the rows of this turn with actions and what the step paid."""
@@ -302,7 +313,7 @@ class ParallelCapture(Capture):
         done: list[Any] = []
         # Every agent with a row counts `strangers` down; the rest was paid without having one.
         extend, paid_terms, terms, strangers = done.extend, self._paid_terms, None, len(rewards)
-        for agent, (order, payload, entry) in zip(self._who, moves, strict=True):
+        for agent, (order, payload, entry) in zip(self._row_agents, moves, strict=True):
             reward = rewards.get(agent, MISSING)
             if reward is MISSING:
                 reward = None
@@ -315,12 +326,12 @@ class ParallelCapture(Capture):
             extend((order, payload, reward, terms, None, entry))
         if strangers:
             self._pay_strangers(done, rewards)
-        self._commit(self._waiting, done, len(self._who), wall_ns)
+        self._commit(self._waiting, done, len(self._row_agents), wall_ns)
         self._waiting = []
 
     def _pay_strangers(self, done: list[Any], rewards: Mapping[AgentId, Any]) -> None:
         """Rows for agents that were paid without having been given anything at this turn."""
-        known = set(self._who)
+        known = set(self._row_agents)
         for agent, reward in rewards.items():
             real = reward_of(reward)
             if agent in known or real == 0.0:
@@ -339,15 +350,19 @@ class ParallelCapture(Capture):
         done: list[Any] = []
         for order, payload, entry in moves:
             done.extend((order, payload, None, None, error, entry))
-        self._commit(self._waiting, done, len(self._who), wall_ns)
+        self._commit(self._waiting, done, len(self._row_agents), wall_ns)
         self._waiting = again
 
     def _end(self) -> None:
-        if len(self._waiting) != len(self._who) * GIVEN:  # interrupted while reset was booked
-            self._waiting, self._who = [], []
-        over = self._ended and bool(self._who)
+        if (
+            len(self._waiting) != len(self._row_agents) * GIVEN
+        ):  # interrupted while reset was booked
+            self._waiting, self._row_agents = [], []
+        over = self._ended and bool(self._row_agents)
         if not self._is_closed:
-            self._commit(self._waiting, NOTHING_DONE * len(self._who), len(self._who), None)
+            self._commit(
+                self._waiting, NOTHING_DONE * len(self._row_agents), len(self._row_agents), None
+            )
         self._waiting = []
         self._take_agents([])
         self._finish("ended" if over or not getattr(self.env, "agents", ()) else "cut")

@@ -11,7 +11,7 @@ from pettingzoo.utils.capture_stdout import capture_stdout
 from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.errors import ActionError, OrderError
-from gamekeeper.interface.author_calls import AgentId
+from gamekeeper.interface.author_calls import AgentId, loop_without_step
 from gamekeeper.interface.env_inside import EnvInside
 from gamekeeper.interface.legality import learn_ranges, refused
 
@@ -177,13 +177,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
         env = self.env
         while left > 0 and env.agents:
             if not self._has_stepped:
-                raise CallError(
-                    "a loop over agent_iter() went round without a step",
-                    where="agent_iter",
-                    expected="step() or reset() once in each round",
-                    actual="neither",
-                    fix="call env.step(action) in each round; None for an agent that has ended",
-                )
+                raise loop_without_step(CallError)
             self._has_stepped = False
             left -= 1
             yield env.agent_selection

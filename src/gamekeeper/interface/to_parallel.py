@@ -154,116 +154,6 @@ Step = tuple[
 ]
 
 
-class Tick:
-    """The end of a tick: None turns are played, and its outputs are collected for every agent."""
-
-    env: Any
-    agents: list[Any]
-
-    def __init__(self, env: Any) -> None:
-        """Takes an AEC environment that has all its wrappers."""
-        super().__init__()
-        self.env = env
-        self._books: Any = books_of(env)
-        self._keeps_books = isinstance(self._books, Books)
-        # our own base class tells infos one by one, so they are asked for all at once
-        asked = ("_masks", "_informs")
-        self._asks_infos = any(getattr(self._books, name, False) is True for name in asked)
-        self._actions = TickActions(env, self._books)
-        self._rewards = TickRewards(self._books)
-        self._last_outputs: dict[Any, LastOutput] = {}  # of agents whose end this tick reports
-        self._lingering: set[Any] = set()  # reported as ended, their None turns still to come
-
-    def _outputs(self, totals: Totals | None) -> Step:
-        """The five dictionaries of a tick whose turns have been played."""
-        self._bury_the_dying()
-        books, last = self._books, self._last_outputs
-        agents = self.agents = self._live()
-        self._actions.learn(agents)
-        observations, infos = self._observations(agents), self._infos(agents)
-        terms, truncs = books.terminations, books.truncations
-        terminations = {agent: terms[agent] for agent in agents}
-        truncations = {agent: truncs[agent] for agent in agents}
-        for agent, (observation, terminated, truncated, info) in last.items():
-            observations[agent], infos[agent] = observation, info
-            terminations[agent], truncations[agent] = terminated, truncated
-        if totals is None:
-            rewards = {
-                agent: 0.0 if agent in last else books.rewards.get(agent, 0.0)
-                for agent in observations
-            }
-        else:
-            for agent in totals.keys() - observations.keys():
-                if np.any(totals[agent]):
-                    raise _unreported(agent, totals[agent])
-            rewards = {agent: totals.get(agent, 0.0) for agent in observations}
-        return observations, rewards, terminations, truncations, infos
-
-    def _live(self) -> list[Any]:
-        """Agents that can act next; those that ended and wait for their None turn are noted now."""
-        books = self._books
-        terms, truncs = books.terminations, books.truncations
-        agents = list(books.agents)
-        if not any(terms.values()) and not any(truncs.values()):
-            self._lingering.clear()
-            return agents
-        dying = [agent for agent in agents if terms[agent] or truncs[agent]]
-        for agent in dying:
-            if agent not in self._lingering:
-                self._last_outputs[agent] = self._last_output(agent)
-        self._lingering = set(dying)
-        return [agent for agent in agents if agent not in self._lingering]
-
-    def _bury_the_dying(self) -> None:
-        """None turns of those who ended, as far as the environment asks for them now."""
-        books = self._books
-        while books.agents:
-            agent = books.agent_selection
-            if not (books.terminations[agent] or books.truncations[agent]):
-                return
-            self._bury(agent)
-
-    def _bury(self, agent: AgentId) -> None:
-        """Plays an agent's None turn; what it is given there is its last output."""
-        books = self._books
-        if agent not in self._lingering and agent not in self._last_outputs:
-            self._last_outputs[agent] = self._last_output(agent)
-        self.env.step(None)
-        if agent in books.agents and books.agent_selection == agent:
-            raise ContractError(
-                f"agent {agent!r} ended and doesn't leave",
-                where="step(None)",
-                expected="an agent that is out of the roster after its None turn",
-                actual="one that is in turn again",
-                fix="call self._was_dead_step(action) where the agent in turn has ended",
-            )
-
-    def _last_output(self, agent: AgentId) -> LastOutput:
-        """Last observation, flags and info of an agent that ended."""
-        books = self._books
-        return (
-            self._observations((agent,))[agent],
-            books.terminations[agent],
-            books.truncations[agent],
-            self._infos((agent,))[agent],
-        )
-
-    def _observations(self, agents: Iterable[Any]) -> dict[Any, Any]:
-        view = self._books._view if self._keeps_books else self._books.observe
-        return {agent: view(agent) for agent in agents}
-
-    def _infos(self, agents: Iterable[Any]) -> dict[Any, dict[str, Any]]:
-        """New infos, as they are now."""
-        books = self._books
-        if self._asks_infos:
-            return {agent: books._info_of(agent) for agent in agents}
-        infos = books.infos
-        try:
-            return {agent: infos[agent].copy() for agent in agents}
-        except (AttributeError, KeyError):  # another type, handed out as it is; or none at all
-            return {agent: _copied(infos.get(agent, {})) for agent in agents}
-
-
 def _copied(info: Any) -> Any:
     return dict(info) if info.__class__ is dict else info
 
@@ -278,7 +168,7 @@ def _unreported(agent: AgentId, reward: object) -> ContractError:
     )
 
 
-class ToParallel(EnvInside, Tick, ParallelEnv[Any, Any, Any]):
+class ToParallel(EnvInside, ParallelEnv[Any, Any, Any]):
     """An AEC environment as a Parallel environment: a round of turns is one tick.
 
     The law of `style="cycle"`. A tick has one turn of each agent that was live as it began, in the
@@ -305,7 +195,17 @@ class ToParallel(EnvInside, Tick, ParallelEnv[Any, Any, Any]):
 
     def __init__(self, env: AECEnv[Any, Any, Any], *, style: str = "cycle") -> None:
         """Takes hold of an environment; nothing is called on it yet."""
-        super().__init__(env)
+        super().__init__()
+        self.env = env
+        self._books: Any = books_of(env)
+        self._keeps_books = isinstance(self._books, Books)
+        # our own base class tells infos one by one, so they are asked for all at once
+        asked = ("_masks", "_informs")
+        self._asks_infos = any(getattr(self._books, name, False) is True for name in asked)
+        self._actions = TickActions(env, self._books)
+        self._rewards = TickRewards(self._books)
+        self._last_outputs: dict[Any, LastOutput] = {}  # of agents whose end this tick reports
+        self._lingering: set[Any] = set()  # reported as ended, their None turns still to come
         self.style = style
         self.metadata = getattr(env, "metadata", {})
         self.render_mode = getattr(env, "render_mode", None)
@@ -443,6 +343,97 @@ class ToParallel(EnvInside, Tick, ParallelEnv[Any, Any, Any]):
             self._actions.check_turn(actions, self.agents, self._books.agent_selection)
         else:
             self._actions.check(actions, self.agents)
+
+    # -- the end of a tick: None turns are played, outputs are collected
+
+    def _outputs(self, totals: Totals | None) -> Step:
+        """The five dictionaries of a tick whose turns have been played."""
+        self._bury_the_dying()
+        books, last = self._books, self._last_outputs
+        agents = self.agents = self._live()
+        self._actions.learn(agents)
+        observations, infos = self._observations(agents), self._infos(agents)
+        terms, truncs = books.terminations, books.truncations
+        terminations = {agent: terms[agent] for agent in agents}
+        truncations = {agent: truncs[agent] for agent in agents}
+        for agent, (observation, terminated, truncated, info) in last.items():
+            observations[agent], infos[agent] = observation, info
+            terminations[agent], truncations[agent] = terminated, truncated
+        if totals is None:
+            rewards = {
+                agent: 0.0 if agent in last else books.rewards.get(agent, 0.0)
+                for agent in observations
+            }
+        else:
+            for agent in totals.keys() - observations.keys():
+                if np.any(totals[agent]):
+                    raise _unreported(agent, totals[agent])
+            rewards = {agent: totals.get(agent, 0.0) for agent in observations}
+        return observations, rewards, terminations, truncations, infos
+
+    def _live(self) -> list[Any]:
+        """Agents that can act next; those that ended and wait for their None turn are noted now."""
+        books = self._books
+        terms, truncs = books.terminations, books.truncations
+        agents = list(books.agents)
+        if not any(terms.values()) and not any(truncs.values()):
+            self._lingering.clear()
+            return agents
+        dying = [agent for agent in agents if terms[agent] or truncs[agent]]
+        for agent in dying:
+            if agent not in self._lingering:
+                self._last_outputs[agent] = self._last_output(agent)
+        self._lingering = set(dying)
+        return [agent for agent in agents if agent not in self._lingering]
+
+    def _bury_the_dying(self) -> None:
+        """None turns of those who ended, as far as the environment asks for them now."""
+        books = self._books
+        while books.agents:
+            agent = books.agent_selection
+            if not (books.terminations[agent] or books.truncations[agent]):
+                return
+            self._bury(agent)
+
+    def _bury(self, agent: AgentId) -> None:
+        """Plays an agent's None turn; what it is given there is its last output."""
+        books = self._books
+        if agent not in self._lingering and agent not in self._last_outputs:
+            self._last_outputs[agent] = self._last_output(agent)
+        self.env.step(None)
+        if agent in books.agents and books.agent_selection == agent:
+            raise ContractError(
+                f"agent {agent!r} ended and doesn't leave",
+                where="step(None)",
+                expected="an agent that is out of the roster after its None turn",
+                actual="one that is in turn again",
+                fix="call self._was_dead_step(action) where the agent in turn has ended",
+            )
+
+    def _last_output(self, agent: AgentId) -> LastOutput:
+        """Last observation, flags and info of an agent that ended."""
+        books = self._books
+        return (
+            self._observations((agent,))[agent],
+            books.terminations[agent],
+            books.truncations[agent],
+            self._infos((agent,))[agent],
+        )
+
+    def _observations(self, agents: Iterable[Any]) -> dict[Any, Any]:
+        view = self._books._view if self._keeps_books else self._books.observe
+        return {agent: view(agent) for agent in agents}
+
+    def _infos(self, agents: Iterable[Any]) -> dict[Any, dict[str, Any]]:
+        """New infos, as they are now."""
+        books = self._books
+        if self._asks_infos:
+            return {agent: books._info_of(agent) for agent in agents}
+        infos = books.infos
+        try:
+            return {agent: infos[agent].copy() for agent in agents}
+        except (AttributeError, KeyError):  # another type, handed out as it is; or none at all
+            return {agent: _copied(infos.get(agent, {})) for agent in agents}
 
 
 def _no_round(agent: AgentId, left: set[Any], agents: list[Any]) -> ContractError:

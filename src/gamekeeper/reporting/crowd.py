@@ -10,17 +10,16 @@ MOST_ROWS: Final = 16
 CROWD_LEGEND: Final = "others: the agents nearest the median, least to largest value"
 
 
-def split(values: Sequence[float | None], *, most: int = MOST_ROWS) -> tuple[list[int], list[int]]:
+def split(values: Sequence[float | None]) -> tuple[list[int], list[int]]:
     """Places of agents with a row each, and of all others.
 
     Few agents have their order; of a crowd, those furthest from the median come first.
 
     Args:
         values: of each agent, in its order; what isn't finite counts as furthest, None as nearest.
-        most: most rows.
     """
     places = list(range(len(values)))
-    if len(places) <= most:
+    if len(places) <= MOST_ROWS:
         return places, []
     known = [value for value in values if value is not None and isfinite(value)]
     middle = median(known) if known else 0.0
@@ -32,15 +31,11 @@ def split(values: Sequence[float | None], *, most: int = MOST_ROWS) -> tuple[lis
         return -abs(value - middle) if isfinite(value) else float("-inf")
 
     ranked = sorted(places, key=nearness)
-    return ranked[:most], ranked[most:]
+    return ranked[:MOST_ROWS], ranked[MOST_ROWS:]
 
 
 def crowd_rows(
-    rows: Sequence[Sequence[str]],
-    values: Sequence[float | None],
-    number: Callable[[float], str],
-    *,
-    most: int = MOST_ROWS,
+    rows: Sequence[Sequence[str]], values: Sequence[float | None], number: Callable[[float], str]
 ) -> list[Sequence[str]]:
     """The rows of outliers, and one for all others with the range of their first column.
 
@@ -48,9 +43,8 @@ def crowd_rows(
         rows: of each agent: its name, then its columns.
         values: of the first column.
         number: formats one of them.
-        most: most agents with a row each.
     """
-    shown, others = split(values, most=most)
+    shown, others = split(values)
     found: list[Sequence[str]] = [rows[place] for place in shown]
     if others:
         known = sorted(value for value in (values[k] for k in others) if value is not None)

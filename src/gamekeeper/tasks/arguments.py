@@ -1,8 +1,13 @@
 """Checks of arguments that all tasks share."""
 
+from typing import Final
+
 import numpy as np
 
 from gamekeeper.errors import SpecError
+
+NEVER: Final = 1 << 62
+"""More ticks than are ever played: the horizon of a task without one."""
 
 
 def check_whole(name: str, value: object, least: int, most: int | None = None) -> None:

@@ -120,8 +120,6 @@ def lazy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator)
 class BoardGame(Pictured, MaskedTurns):
     """Environment of a board game; a game adds its kernel, policies and pixels."""
 
-    not_batched = ""
-
     def first_to_leave(self) -> Any:
         """Agent whose turn it would be (R7)."""
         return self.next_agent(self.agent_selection)

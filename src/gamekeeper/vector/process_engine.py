@@ -113,7 +113,7 @@ class ProcessEngine:
         self.failed: dict[int, str] = {}
         self._timeout_s, self._goes_on = timeout_s, goes_on
         self._workers: list[_Worker] = []
-        self._out: Callable[[Batches], None] = _nowhere
+        self._out: Callable[[Batches], None] = lambda batches: None
         common = {"envs": envs.to_json(), "plan": plan, "fd": self._shared.fd}
         try:
             for first, last in _shares(envs.num_envs, min(workers, envs.num_envs)):
@@ -258,10 +258,6 @@ class ProcessEngine:
                         pass
                 self._workers = []
                 self._shared.close()
-
-
-def _nowhere(batches: Batches) -> None:
-    """Records nothing."""
 
 
 def _infos(text: str) -> dict[Any, Any]:

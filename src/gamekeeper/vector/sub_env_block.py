@@ -66,7 +66,7 @@ class SubEnvBlock:
         self._episodes = [0] * len(self.envs)
         self._options: Any = None
         self._shelf: RowShelf | None = None
-        self._after_env = after_env or _nothing
+        self._after_env = after_env or (lambda: None)
         self._agents = form.agents
         self._column = {agent: place for place, agent in enumerate(self._agents)}
         self._count = len(self._agents)
@@ -169,7 +169,3 @@ def _reader(
         ]
 
     return read
-
-
-def _nothing() -> None:
-    """Gives no sign of life."""

@@ -96,7 +96,7 @@ class VectorEnv:
         self._engine, self._form, self._seed, self.copies = engine, form, seed, copy
         self._is_begun = self._is_closed = False
         self._in_order: InOrder | None = None
-        self._on_close: Callable[[], None] = _nothing
+        self._on_close: Callable[[], None] = lambda: None
         named = {group.name: list(group.agents) for group in form.groups}
         self.agents: Any = named.pop(ALL) if ALL in named else named
         self.observation_space = batched(form.groups, "observation_space", form.api, num_envs)
@@ -339,10 +339,6 @@ def batched(groups: Sequence[VectorGroup], kind: str, api: str, num_envs: int) -
     if groups[0].name == ALL:
         return whole(groups[0])
     return spaces.Dict({group.name: whole(group) for group in groups})
-
-
-def _nothing() -> None:
-    """Does nothing at the end."""
 
 
 def _objects(count: int, found: Mapping[int, Any]) -> Any:

@@ -316,7 +316,7 @@ class NormalizedBatch(BatchTransform):
         self, statistics: Statistics, *, learning: bool, rewards: bool, gamma: float
     ) -> None:
         self._statistics, self._gamma, self._pays = statistics, gamma, rewards
-        self.remembers = self.reads = self._is_learning = learning
+        self.remembers = self.reads = learning
 
     def bind(self, venv: Any) -> None:
         """Takes the agents."""

@@ -186,13 +186,8 @@ class Interactive:
         replays = record_future(run.path, branch, out, number=number, options=options)
         self._served[letter] = ServedRun(letter, out, name=f"future of {run.key}: {branch}")
         self._shown[letter] = (run.key, replays)
-        return {
-            "run": letter,
-            "episode": 0,
-            "turn": branch.turn,
-            "replays": replays,
-            "text": str(branch),
-        }
+        place = {"run": letter, "episode": 0, "turn": branch.turn}
+        return {**place, "replays": replays, "text": str(branch)}
 
     def _keep(self, letter: str) -> dict[str, Any]:
         """Copies a future beside its run, where it stays.

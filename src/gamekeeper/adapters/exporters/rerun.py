@@ -56,7 +56,7 @@ from gamekeeper.adapters.export_source import (
 from gamekeeper.episodes.episode import Episode, Spaces
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import RunError, not_installed
-from gamekeeper.runs.files.folder import output_path
+from gamekeeper.runs.files.folder import output_path, system_error
 
 SERIES: Final = 32  # numbers of a value that are still read as series, one each
 SMALLEST: Final = 8  # sides of an array of bytes that counts as a picture
@@ -113,11 +113,7 @@ def export(
         stream.disconnect()
         draft.unlink(missing_ok=True)
         if isinstance(error, OSError) and not isinstance(error, RunError):
-            raise RunError(
-                f"writing failed: {error.strerror or error}",
-                where=str(path),
-                fix="make room on the disk, or choose another --out",
-            ) from error
+            raise system_error("writing", path, error) from error
         raise
     return Export(
         to="rerun",

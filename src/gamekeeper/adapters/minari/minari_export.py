@@ -42,7 +42,8 @@ from gamekeeper.adapters.minari.minari_agents import (
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.where import Where
-from gamekeeper.errors import EvidenceError, RunError, not_installed
+from gamekeeper.errors import EvidenceError, not_installed
+from gamekeeper.runs.files.folder import system_error
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,11 +175,7 @@ def export(
     except BaseException as error:
         writer.sets.discard()
         if isinstance(error, OSError) and not isinstance(error, EvidenceError):
-            raise RunError(
-                f"writing failed: {error.strerror or error}",
-                where=str(writer.sets.root),
-                fix="make room on the disk, or choose another --out",
-            ) from error
+            raise system_error("writing", writer.sets.root, error) from error
         raise
     made = writer.sets.sets
     return Export(

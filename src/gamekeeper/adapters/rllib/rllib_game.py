@@ -13,7 +13,7 @@ from typing import Any, Final, TypedDict
 import numpy as np
 from gymnasium import spaces
 
-from gamekeeper.adapters.requirements import learners_of, require_policies, role_of
+from gamekeeper.adapters.requirements import closed_on_error, learners_of, require_policies, role_of
 from gamekeeper.adapters.slot_views import bare_space
 from gamekeeper.contract import Contract
 from gamekeeper.errors import SpecError
@@ -191,7 +191,7 @@ def opened_game(
         SpecError: no agent has the role, another agent has no policy, or agents have no names yet.
     """
     opened = open_env(spec, **dict(env_kwargs or {}))
-    try:
+    with closed_on_error(opened.env):
         contract = declared_contract(None, opened) or Contract()
         env = slim(opened.env)
         views = _views(env, opened.api, contract, masks=masks, flatten=flatten)
@@ -199,9 +199,6 @@ def opened_game(
         rest = [agent for agent in views if agent not in learners]
         require_policies(rest, others, contract)
         policies = joint_policy_of(others, opened.env, contract) if rest else None
-    except BaseException:
-        opened.env.close()
-        raise
     return RLlibMultiAgentEnv(
         env,
         opened.api,

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from stable_baselines3.common.preprocessing import is_image_space, is_image_space_channels_first
 from stable_baselines3.common.vec_env import VecEnv
 
-from gamekeeper.adapters.requirements import checked
+from gamekeeper.adapters.requirements import checked, closed_on_error
 from gamekeeper.adapters.slots import Slots
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
@@ -63,7 +63,7 @@ def vec_env(
         spec, num_envs, role=role, others=others, seed=seed, env_kwargs=env_kwargs, **options
     )
     seen = slots.observation_space
-    try:
+    with closed_on_error(slots):
         if isinstance(seen, spaces.Dict):
             for key, part in seen.spaces.items():
                 _check_space(part, f"observation_space[{key!r}]", axes=None)
@@ -78,9 +78,6 @@ def vec_env(
                     " of MultiInputPolicy; MaskablePPO asks the environment for masks)\n"
                 )
         _check_space(slots.action_space, "action_space", axes=1)
-    except BaseException:
-        slots.close()
-        raise
     return SlotVecEnv(slots)
 
 

@@ -14,7 +14,12 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from gamekeeper.adapters.requirements import learners_of, policies_of_others, role_of
+from gamekeeper.adapters.requirements import (
+    closed_on_error,
+    learners_of,
+    policies_of_others,
+    role_of,
+)
 from gamekeeper.adapters.slot_views import OtherAgents, bare_space, zeros
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
@@ -193,14 +198,11 @@ class TianshouAgents:
         self.venv = make(spec, num_envs, seed=seed, infos=others is not None, **options)
         self.venv.fix_of_masked = "DiscreteActorPolicy(actor=tianshou.masked(actor), ...)"
         self.num_envs, self.seed, self._is_aec = num_envs, seed, self.venv.api == "aec"
-        try:
+        with closed_on_error(self.venv):
             self._arrange(role)
             names = [agent for *_, agent in self._rest]
             kwargs, contract = options.get("env_kwargs"), self._contract
             policies = policies_of_others(spec, kwargs, names, others, contract, num_envs)
-        except BaseException:
-            self.venv.close()
-            raise
         groups = self.venv.groups
         self._others = OtherAgents(policies, groups, self._rest, is_aec=self._is_aec)
 

@@ -12,7 +12,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from gamekeeper.adapters.requirements import checked
+from gamekeeper.adapters.requirements import checked, closed_on_error
 from gamekeeper.adapters.slot_views import OtherAgents
 from gamekeeper.adapters.torchrl import torchrl_specs as specs
 from gamekeeper.adapters.torchrl.torchrl_agents import TorchRLAgents, Waiting, groups_of, others_of
@@ -405,12 +405,9 @@ def env(
         infos=others is not None,
         **options,
     )
-    try:
+    with closed_on_error(copies):
         learning = groups_of(copies, group_map, role)
         rest = others_of(copies, learning, others, spec, env_kwargs)
         return TorchRLEnv(
             copies, learning, rest, is_batched=num_envs is not None, device=device, **tensors
         )
-    except BaseException:
-        copies.close()
-        raise

@@ -7,6 +7,8 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from gamekeeper.episodes.plain_json import fields_json
+
 Chart: TypeAlias = Mapping[str, Any]
 """A chart as the page's script and templates read it (assets/README.md)."""
 Kind: TypeAlias = Literal["text", "name", "number", "badge", "code"]
@@ -180,7 +182,7 @@ class RunCard:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for the page's script."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        return fields_json(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,9 +229,9 @@ def name(text: object) -> Cell:
     return Cell(str(text), "name")
 
 
-def number(value: float | None, *, digits: int = 3) -> Cell:
+def number(value: float | None) -> Cell:
     """A cell with a number; a dash where there is none."""
-    return Cell(shown(value, digits=digits), "number")
+    return Cell(shown(value), "number")
 
 
 def percent(value: float | None) -> Cell:
@@ -252,13 +254,13 @@ def anchor_of(text: str) -> str:
     return "".join(sign for sign in text if sign.isascii() and sign.isalnum()) or "x"
 
 
-def shown(value: float | None, *, digits: int = 3) -> str:
-    """Formats a number with so many significant digits, a whole one with all."""
+def shown(value: float | None) -> str:
+    """Formats a number with three significant digits, a whole one with all."""
     if value is None or value != value:  # NaN isn't shown
         return "-"
     if float(value).is_integer() and abs(value) < 1e9:
         return f"{int(value):,}"
-    return f"{value:,.0f}" if 1000 <= abs(value) < 1e9 else f"{value:.{digits}g}"
+    return f"{value:,.0f}" if 1000 <= abs(value) < 1e9 else f"{value:.3g}"
 
 
 def interval(low: float | None, high: float | None) -> str:

@@ -50,7 +50,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
-from gamekeeper.tasks.arguments import check_whole
+from gamekeeper.tasks.arguments import NEVER, check_whole
 from gamekeeper.tasks.drawing import Canvas, metadata_of
 from gamekeeper.tasks.foraging import foraging_rules as rules
 from gamekeeper.tasks.foraging.foraging_rules import FoodField, Levels, levels
@@ -158,10 +158,6 @@ def _towards(food: NDArray[np.float32], players: NDArray[np.float32], rng: Gener
     if abs(down) > abs(right):
         return SOUTH if down > 0 else NORTH
     return EAST if right > 0 else WEST
-
-
-NEVER: Final = 1 << 62
-"""More ticks than anybody plays."""
 
 
 def _state(players: int, max_num_food: int, field_size: tuple[int, int]) -> list[tuple[Any, ...]]:
@@ -298,7 +294,6 @@ class Foraging(KernelTicks):
     metadata = metadata_of("foraging_v0", fps=5)
     contract = "foraging.toml"
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
-    not_batched = ""
 
     def __init__(
         self, *, render_mode: str | None = None, debug: bool = False, **arguments: Any

@@ -48,6 +48,8 @@ NOTHING, LEFT, RIGHT, DOWN, UP = range(5)
 MOVES: Final = 5
 CLOSE: Final = 0.038
 """Bodies that are farther apart don't push: it would be with less than 4e-18."""
+HORIZON: Final = 25
+"""Ticks of an episode, as the contracts have them."""
 MOST: Final = 10_000
 """The most bodies of a kind, or ticks, that a task may have."""
 MARK_SIZE: Final = 0.05

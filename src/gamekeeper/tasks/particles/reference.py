@@ -28,7 +28,7 @@ from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
 from gamekeeper.tasks.drawing import Color, metadata_of
-from gamekeeper.tasks.particles import bearings as sight
+from gamekeeper.tasks.particles import bearings
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleTicks, shade, spoken
 from gamekeeper.tasks.particles.scripted_policies import lazy, reference_greedy, reference_reference
@@ -38,8 +38,6 @@ WORDS: Final = 10
 COLORS: Final = np.array([(0.75, 0.25, 0.25), (0.25, 0.75, 0.25), (0.25, 0.25, 0.75)])
 """Colours of landmarks, red first, by which an agent sees a goal."""
 LENGTH: Final = 2 + 2 * MARKS + 3 + WORDS
-HORIZON: Final = 25
-"""Ticks of an episode, as the contract has them."""
 
 
 @rule
@@ -86,8 +84,8 @@ def step_by(s, t, actions, rewards, terminated, truncated):  # type: ignore[no-u
 def observe(s, t, obs):  # type: ignore[no-untyped-def]  # likewise
     """Shows agents what they see and hear (R5)."""
     for i in range(2):
-        at = sight.show_pair(obs, i, 0, s.vx[i], s.vy[i])
-        at = sight.show_marks(s, i, obs, i, at)
+        at = bearings.show_pair(obs, i, 0, s.vx[i], s.vy[i])
+        at = bearings.show_marks(s, i, obs, i, at)
         for channel in range(3):
             obs[i, at + channel] = COLORS[s.goal[i], channel]
         for word in range(WORDS):
@@ -102,7 +100,7 @@ def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
 
 
 def reference_kernel(
-    *, local_ratio: float = 0.5, max_cycles: int = HORIZON, continuous_actions: bool = False
+    *, local_ratio: float = 0.5, max_cycles: int = p.HORIZON, continuous_actions: bool = False
 ) -> Kernel:
     """The rules; arguments as of `Reference`.
 
@@ -123,7 +121,7 @@ def reference_kernel(
         observe=observe,
         inform=inform,
         info=[("distance", "f8")],
-        overview=sight.overview_of(observe, [(2, LENGTH)]),
+        overview=bearings.overview_of(observe, [(2, LENGTH)]),
         state_space=p.seen_space(2 * LENGTH),
         terms=("team", "goal"),
         horizon=max_cycles,
@@ -156,7 +154,7 @@ class Reference(ParticleTicks):
         self,
         *,
         local_ratio: float = 0.5,
-        max_cycles: int = HORIZON,
+        max_cycles: int = p.HORIZON,
         continuous_actions: bool = False,
         dynamic_rescaling: bool = True,
         render_mode: str | None = None,

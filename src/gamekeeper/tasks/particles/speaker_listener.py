@@ -26,7 +26,7 @@ from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
 from gamekeeper.tasks.drawing import STONE, Color, metadata_of
-from gamekeeper.tasks.particles import bearings as sight
+from gamekeeper.tasks.particles import bearings
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleTicks, shade, spoken
 from gamekeeper.tasks.particles.scripted_policies import (
@@ -46,8 +46,6 @@ SIZE, MARK_SIZE = 0.075, 0.04
 LIGHTER: Final = 0.45
 """Number by which the listener's colour is lighter than its goal's."""
 SEEN: Final = 2 + 2 * MARKS + WORDS
-HORIZON: Final = 25
-"""Ticks of an episode, as the contract has them."""
 
 
 @rule
@@ -92,8 +90,8 @@ def observe(s, obs):  # type: ignore[no-untyped-def]  # likewise
     for channel in range(3):
         obs[SPEAKER][0, channel] = COLORS[s.goal, channel]
     seen = obs[LISTENER]
-    at = sight.show_pair(seen, 0, 0, s.vx[LISTENER], s.vy[LISTENER])
-    at = sight.show_marks(s, LISTENER, seen, 0, at)
+    at = bearings.show_pair(seen, 0, 0, s.vx[LISTENER], s.vy[LISTENER])
+    at = bearings.show_marks(s, LISTENER, seen, 0, at)
     for word in range(WORDS):
         seen[0, at + word] = s.said[word]
 
@@ -106,7 +104,7 @@ def inform(s, infos):  # type: ignore[no-untyped-def]  # likewise
 
 
 def speaker_listener_kernel(
-    *, max_cycles: int = HORIZON, continuous_actions: bool = False
+    *, max_cycles: int = p.HORIZON, continuous_actions: bool = False
 ) -> Kernel:
     """The rules; arguments as of `SpeakerListener`.
 
@@ -165,7 +163,7 @@ class SpeakerListener(ParticleTicks):
     def __init__(
         self,
         *,
-        max_cycles: int = HORIZON,
+        max_cycles: int = p.HORIZON,
         continuous_actions: bool = False,
         dynamic_rescaling: bool = True,
         render_mode: str | None = None,

@@ -32,7 +32,7 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
 from gamekeeper.tasks.arguments import check_whole
 from gamekeeper.tasks.drawing import BLUE, STONE, metadata_of
-from gamekeeper.tasks.particles import bearings as sight
+from gamekeeper.tasks.particles import bearings
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleArguments, ParticleTicks
 from gamekeeper.tasks.particles.scripted_policies import lazy, spread_greedy, spread_reference
@@ -45,8 +45,6 @@ COVERED: Final = 0.1
 """Nearer than this an agent covers a landmark."""
 WORD: Final = 2
 """Numbers that would be heard of each other agent, if it said anything."""
-HORIZON: Final = 25
-"""Ticks of an episode, as the contract has them."""
 LAST_STAGE: Final = 1
 """Last stage of a curriculum, in which overlaps cost something."""
 NUMBERS: Final = np.dtype(
@@ -147,7 +145,7 @@ def step_by(s, t, actions, rewards, terminated, truncated):  # type: ignore[no-u
 
 def observer(others: int | None, marks: int | None) -> Any:
     """Returns `observe(s, t, obs)` (R5), of so many others and marks each; None: of all."""
-    show_others, show_marks = sight.others_shower(others), sight.marks_shower(marks)
+    show_others, show_marks = bearings.others_shower(others), bearings.marks_shower(marks)
     most = None if others is None else WORD * others
 
     @rule
@@ -155,10 +153,10 @@ def observer(others: int | None, marks: int | None) -> Any:
         n = len(s.x)
         words = WORD * (n - 1) if most is None else most
         for i in range(n):
-            at = sight.show_self(s, i, obs, i)
+            at = bearings.show_self(s, i, obs, i)
             at = show_marks(s, i, obs, i, at)
             at = show_others(s, i, obs, i, at)
-            sight.show_nothing(obs, i, at, at + words)
+            bearings.show_nothing(obs, i, at, at + words)
 
     return observe
 
@@ -180,7 +178,7 @@ def spread_kernel(
     *,
     N: int = 3,  # noqa: N803  # as mpe2 calls it
     local_ratio: float = 0.5,
-    max_cycles: int = HORIZON,
+    max_cycles: int = p.HORIZON,
     continuous_actions: bool = False,
     curriculum: bool = False,
     curriculum_stage: int = 0,
@@ -216,7 +214,7 @@ def spread_kernel(
         observe=observe,
         inform=inform,
         info=[("collisions", "i8"), ("uncovered", "i8")],
-        overview=sight.overview_of(observe, [(N, length)]),
+        overview=bearings.overview_of(observe, [(N, length)]),
         state_space=p.seen_space(N * length),
         terms=("cover", "collision"),
         endings=("covered",),

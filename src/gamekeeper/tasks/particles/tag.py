@@ -33,7 +33,7 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
 from gamekeeper.tasks.arguments import check_whole
 from gamekeeper.tasks.drawing import GREEN, INK, RED, metadata_of
-from gamekeeper.tasks.particles import bearings as sight
+from gamekeeper.tasks.particles import bearings
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleArguments, ParticleTicks
 from gamekeeper.tasks.particles.scripted_policies import Chase, lazy
@@ -52,8 +52,6 @@ MOST: Final = 10.0
 """Distances at which the price of being far out begins and grows faster, and the most it is."""
 STAGES: Final = (0.5, 0.75, 1.0)
 """Strength and speed of prey at the stages of a curriculum, as part of GOOD."""
-HORIZON: Final = 25
-"""Ticks of an episode, as the contract has them."""
 
 
 @rule
@@ -143,12 +141,12 @@ def stepper(steer: Any, *, by_role: bool) -> Any:
 
 def observer(others: int | None, marks: int | None) -> Any:
     """Returns `observe(s, t, obs)` (R5), of so many others and marks each; None: of all."""
-    show_marks, show_others = sight.marks_shower(marks), sight.others_shower(others)
+    show_marks, show_others = bearings.marks_shower(marks), bearings.others_shower(others)
     show_speeds = show_prey if others is None else speeds_shower(others)
 
     @inlined
     def show(s: Any, t: Any, i: Any, obs: Any, row: Any) -> None:
-        at = sight.show_self(s, i, obs, row)
+        at = bearings.show_self(s, i, obs, row)
         at = show_marks(s, i, obs, row, at)
         at = show_others(s, i, obs, row, at)
         show_speeds(s, t, i, obs, row, at)
@@ -173,7 +171,7 @@ def show_prey(s, t, i, obs, row, at):  # type: ignore[no-untyped-def]  # likewis
     """Shows the velocities of all other prey."""
     for j in range(t.adversaries, len(s.x)):
         if j != i:
-            at = sight.show_pair(obs, row, at, s.vx[j], s.vy[j])
+            at = bearings.show_pair(obs, row, at, s.vx[j], s.vy[j])
 
 
 def speeds_shower(count: int) -> Any:
@@ -182,15 +180,15 @@ def speeds_shower(count: int) -> Any:
     @rule
     def show(s: Any, t: Any, i: Any, obs: Any, row: Any, at: Any) -> None:
         end = at + 2 * count
-        last, far = sight.NO_BODY, -1.0
+        last, far = bearings.NO_BODY, -1.0
         for _ in range(count):
-            last, far = sight.next_other(s, i, far, last)
-            if last == sight.NO_BODY:
+            last, far = bearings.next_other(s, i, far, last)
+            if last == bearings.NO_BODY:
                 break
             is_prey = last >= t.adversaries
             x, y = s.vx[last] if is_prey else 0.0, s.vy[last] if is_prey else 0.0
-            at = sight.show_pair(obs, row, at, x, y)
-        sight.show_nothing(obs, row, at, end)
+            at = bearings.show_pair(obs, row, at, x, y)
+        bearings.show_nothing(obs, row, at, end)
 
     return show
 
@@ -211,7 +209,7 @@ def tag_kernel(
     num_good: int = 1,
     num_adversaries: int = 3,
     num_obstacles: int = 2,
-    max_cycles: int = HORIZON,
+    max_cycles: int = p.HORIZON,
     continuous_actions: bool = False,
     curriculum: bool = False,
     curriculum_stage: int = 0,
@@ -258,7 +256,9 @@ def tag_kernel(
         observe=observe,
         inform=inform,
         info=[("collisions", "i8")],
-        overview=sight.overview_of(observe, shapes if others is None else [(len(names), hunter)]),
+        overview=bearings.overview_of(
+            observe, shapes if others is None else [(len(names), hunter)]
+        ),
         state_space=p.seen_space(sum(lengths.values())),
         terms=("catch", "caught", "bound"),
         endings=("caught",),

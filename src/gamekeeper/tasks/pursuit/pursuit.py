@@ -341,7 +341,6 @@ class Pursuit(Pictured, KernelTicks):
     metadata = METADATA
     contract = "pursuit.toml"
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
-    not_batched = ""
 
     def __init__(
         self, *, render_mode: str | None = None, debug: bool = False, **numbers: Any

@@ -48,7 +48,7 @@ from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
-from gamekeeper.tasks.arguments import check_whole
+from gamekeeper.tasks.arguments import NEVER, check_whole
 from gamekeeper.tasks.drawing import Canvas, metadata_of
 from gamekeeper.tasks.robotic_warehouse import robotic_warehouse_rules as rules
 from gamekeeper.tasks.robotic_warehouse.robotic_warehouse_floor import (
@@ -220,7 +220,7 @@ def _state(n_agents: int, size: int) -> list[tuple[Any, ...]]:
         ("facing", "i1", robots),
         ("load", "i1", robots),
         ("owed", "i1", robots),
-        ("sight", "i1", cells),
+        ("codes", "i1", cells),
         ("robots", number, cells),
         ("claims", number, cells),
     ]
@@ -274,7 +274,7 @@ def robotic_warehouse_kernel(
         tables=tables,
         terms=TERMS[reward_type],
         endings=("inactivity",),
-        horizon=max_steps or rules.NEVER,
+        horizon=max_steps or NEVER,
     )
 
 
@@ -292,8 +292,8 @@ def _check(
         "n_agents": (n_agents, 1, cells),
         "sensor_range": (sensor_range, 1, cells),
         "request_queue_size": (requests, 1, floor.shelves - 1),
-        "max_inactivity_steps": (max_inactivity_steps or 1, 1, rules.NEVER),
-        "max_steps": (max_steps or 1, 1, rules.NEVER),
+        "max_inactivity_steps": (max_inactivity_steps or 1, 1, NEVER),
+        "max_steps": (max_steps or 1, 1, NEVER),
     }
     for name, (number, low, high) in limits.items():
         check_whole(name, number, low, high)
@@ -377,7 +377,6 @@ class RoboticWarehouse(KernelTicks):
     metadata = metadata_of("robotic_warehouse_v0", fps=10)
     contract = "robotic_warehouse.toml"
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
-    not_batched = ""
 
     def __init__(
         self, *, render_mode: str | None = None, debug: bool = False, **arguments: Any

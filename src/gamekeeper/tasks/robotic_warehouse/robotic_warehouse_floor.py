@@ -19,8 +19,8 @@ BEYOND, HIGHWAY, PLACE = range(3)
 """Kinds of cells: off the floor, a highway, a place for a shelf."""
 SIZES: Final = {"tiny": (1, 3), "small": (2, 3), "medium": (2, 5), "large": (3, 5)}
 """Rows and columns of shelves. Source: `rware/__init__.py`, rware 2.0.0."""
-LOOKS: Final = 15
-"""Number of looks of a cell: 0 or 1 + its robot's direction, + 5 with a shelf, 10 wanted."""
+CODES: Final = 15
+"""Number of codes of a cell: 0 or 1 + its robot's direction, + 5 with a shelf, 10 wanted."""
 SENSED: Final = 7
 """Numbers that a sensor gives of a cell: robot, its direction (4), shelf, wanted."""
 OWN: Final = 8
@@ -154,7 +154,7 @@ def tables_of(
             ("ahead", "i4", (4,)),
             ("turned", "i1", (2, 4)),
             ("own", "f4", (inside.size, 3)),
-            ("look", "f4", (LOOKS, 1 + SENSED)),
+            ("sensed", "f4", (CODES, 1 + SENSED)),
             ("requests", "i4"),
             ("inactivity", "i4"),
             ("pays", "i4"),
@@ -172,12 +172,12 @@ def tables_of(
     y, x = np.divmod(np.arange(inside.size), width)
     scale = (max(columns - 1, 1), max(rows - 1, 1)) if is_scaled else (1, 1)
     t["own"] = np.stack([(x - margin) / scale[0], (y - margin) / scale[1], ~places.ravel()], 1)
-    t["look"][:, 1:] = [_look(code) for code in range(LOOKS)]
+    t["sensed"][:, 1:] = [_sensed(code) for code in range(CODES)]
     t["requests"], t["inactivity"], t["pays"] = requests, inactivity, pays
     return tables
 
 
-def _look(code: int) -> list[float]:
+def _sensed(code: int) -> list[float]:
     """Numbers of a sensor for a cell; without a robot it has a direction too, as in rware."""
     shelf, robot = divmod(code, 5)
     facing = max(robot - 1, 0)

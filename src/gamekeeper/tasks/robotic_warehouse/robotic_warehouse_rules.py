@@ -4,6 +4,7 @@ from typing import Final
 
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.scalar_rules import rule
+from gamekeeper.tasks.arguments import NEVER
 from gamekeeper.tasks.robotic_warehouse.robotic_warehouse_floor import (
     BEYOND,
     HIGHWAY,
@@ -14,8 +15,6 @@ from gamekeeper.tasks.robotic_warehouse.robotic_warehouse_floor import (
 
 NOOP, FORWARD, LEFT, RIGHT, TOGGLE = range(5)
 INDIVIDUAL, GLOBAL, TWO_STAGE = range(3)
-NEVER: Final = 1 << 62
-"""More ticks than anybody plays."""
 INACTIVITY: Final = 1
 """Number of this ending, from 1."""
 
@@ -24,7 +23,7 @@ INACTIVITY: Final = 1
 def reset(s, t):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """Shelves in their places, robots and requests anywhere (R1)."""
     for k in range(len(t.homes)):
-        s.sight[t.homes[k]] = 5
+        s.codes[t.homes[k]] = 5
     for i in range(len(s.cell)):
         cell = t.cells[draws.integers(s, len(t.cells))]
         while s.robots[cell] != 0:
@@ -34,12 +33,12 @@ def reset(s, t):  # type: ignore[no-untyped-def]  # a rule's types are found whe
         s.to[i] = cell
     for i in range(len(s.cell)):
         s.facing[i] = draws.integers(s, 4)
-        s.sight[s.cell[i]] += 1 + s.facing[i]
+        s.codes[s.cell[i]] += 1 + s.facing[i]
     for _ in range(t.requests):
         cell = t.homes[draws.integers(s, len(t.homes))]
-        while s.sight[cell] >= 10:
+        while s.codes[cell] >= 10:
             cell = t.homes[draws.integers(s, len(t.homes))]
-        s.sight[cell] += 5
+        s.codes[cell] += 5
 
 
 @rule
@@ -53,11 +52,11 @@ def step(s, t, actions, rewards, terminated, truncated):  # type: ignore[no-unty
             toggle(s, t, i, rewards)
         elif actions[i] == LEFT or actions[i] == RIGHT:
             facing = t.turned[actions[i] - LEFT, s.facing[i]]
-            s.sight[s.cell[i]] += facing - s.facing[i]
+            s.codes[s.cell[i]] += facing - s.facing[i]
             s.facing[i] = facing
     s.idle += 1
     for g in range(len(t.goals)):
-        if s.sight[t.goals[g]] >= 10:
+        if s.codes[t.goals[g]] >= 10:
             deliver(s, t, t.goals[g], rewards)
     if t.inactivity > 0 and s.idle >= t.inactivity:
         for i in range(len(s.cell)):
@@ -74,7 +73,7 @@ def aim(s, t, actions):  # type: ignore[no-untyped-def]  # likewise
             cell = s.cell[i] + t.ahead[s.facing[i]]
             if t.floor[cell] != BEYOND:
                 other = s.robots[cell] - 1
-                stands = s.sight[cell] >= 5 and not (other >= 0 and s.load[other] != 0)
+                stands = s.codes[cell] >= 5 and not (other >= 0 and s.load[other] != 0)
                 if s.load[i] == 0 or not stands:
                     s.to[i] = cell
                     going += 1
@@ -130,14 +129,14 @@ def move(s):  # type: ignore[no-untyped-def]  # likewise
         if s.behind[i] == 0:
             s.to[i] = s.cell[i]
         else:  # off the floor, with all that moves
-            seen = 1 + s.facing[i] if s.load[i] == 0 else s.sight[s.cell[i]]
+            seen = 1 + s.facing[i] if s.load[i] == 0 else s.codes[s.cell[i]]
             s.behind[i] = seen
-            s.sight[s.cell[i]] -= seen
+            s.codes[s.cell[i]] -= seen
             s.robots[s.cell[i]] = 0
     for i in range(len(s.cell)):
         if s.behind[i] > 0:
             s.cell[i] = s.to[i]
-            s.sight[s.cell[i]] += s.behind[i]
+            s.codes[s.cell[i]] += s.behind[i]
             s.robots[s.cell[i]] = i + 1
             s.behind[i] = 0
 
@@ -146,7 +145,7 @@ def move(s):  # type: ignore[no-untyped-def]  # likewise
 def toggle(s, t, i, rewards):  # type: ignore[no-untyped-def]  # likewise
     """Robot i takes the shelf over it, or puts down its own (R3, R8)."""
     if s.load[i] == 0:
-        if s.sight[s.cell[i]] >= 5:
+        if s.codes[s.cell[i]] >= 5:
             s.load[i] = 1
     elif t.floor[s.cell[i]] == PLACE:
         s.load[i] = 0
@@ -161,13 +160,13 @@ def deliver(s, t, goal, rewards):  # type: ignore[no-untyped-def]  # likewise
     s.idle = 0
     s.delivered += 1
     left = draws.integers(s, len(t.homes) - t.requests)
-    for c in range(len(s.sight)):
-        if 5 <= s.sight[c] < 10:
+    for c in range(len(s.codes)):
+        if 5 <= s.codes[c] < 10:
             if left == 0:
-                s.sight[c] += 5
+                s.codes[c] += 5
                 break
             left -= 1
-    s.sight[goal] -= 5
+    s.codes[goal] -= 5
     i = s.robots[goal] - 1
     if t.pays == INDIVIDUAL:
         rewards[i, 0] += 1.0
@@ -187,7 +186,7 @@ def observe(s, t, obs):  # type: ignore[no-untyped-def]  # likewise
         at = OWN + SENSED * len(t.around)
         for k in range(len(t.around) - 1, -1, -1):
             at -= SENSED
-            sense(t, s.sight[cell + t.around[k]], obs, i, at - 1)
+            sense(t, s.codes[cell + t.around[k]], obs, i, at - 1)
         obs[i, 0] = t.own[cell, 0]
         obs[i, 1] = t.own[cell, 1]
         obs[i, 2] = s.load[i]
@@ -203,8 +202,8 @@ def sense(t, code, obs, i, at):  # type: ignore[no-untyped-def]  # likewise
     Eight numbers, all read before any is written, compile to one load and one store; seven in a
     loop take twice as long.
     """
-    a, b, c, d = t.look[code, 0], t.look[code, 1], t.look[code, 2], t.look[code, 3]
-    e, f, g, h = t.look[code, 4], t.look[code, 5], t.look[code, 6], t.look[code, 7]
+    a, b, c, d = t.sensed[code, 0], t.sensed[code, 1], t.sensed[code, 2], t.sensed[code, 3]
+    e, f, g, h = t.sensed[code, 4], t.sensed[code, 5], t.sensed[code, 6], t.sensed[code, 7]
     obs[i, at], obs[i, at + 1], obs[i, at + 2], obs[i, at + 3] = a, b, c, d
     obs[i, at + 4], obs[i, at + 5], obs[i, at + 6], obs[i, at + 7] = e, f, g, h
 
@@ -222,7 +221,7 @@ def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
         for k in range(len(t.cells)):
             c = t.cells[k]
             is_carried = s.robots[c] > 0 and s.load[s.robots[c] - 1] != 0
-            if s.sight[c] >= 10 and not is_carried and steps_to(s, t, i, c) < far:
+            if s.codes[c] >= 10 and not is_carried and steps_to(s, t, i, c) < far:
                 best, far = c, steps_to(s, t, i, c)
         point(s, t, i, best, infos[i].to_request)
         best, far = -1, NEVER
@@ -233,7 +232,7 @@ def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
         best, far = -1, NEVER
         for k in range(len(t.homes)):
             c = t.homes[k]
-            if s.sight[c] < 5 and steps_to(s, t, i, c) < far:
+            if s.codes[c] < 5 and steps_to(s, t, i, c) < far:
                 best, far = c, steps_to(s, t, i, c)
         point(s, t, i, best, infos[i].to_place)
         if best >= 0:
@@ -269,4 +268,4 @@ def overview(s, t, state):  # type: ignore[no-untyped-def]  # likewise
         state[0, y, x] = robot
         state[1, y, x] = s.facing[robot - 1] + 1 if robot > 0 else 0
         state[2, y, x] = s.load[robot - 1] if robot > 0 else 0
-        state[3, y, x] = s.sight[cell] // 5
+        state[3, y, x] = s.codes[cell] // 5

@@ -15,7 +15,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.interface.construction import nearest
 from gamekeeper.kernels.kernel import Field
 from gamekeeper.randomness.stream import Stream
-from gamekeeper.tasks.arguments import check_whole
+from gamekeeper.tasks.arguments import NEVER, check_whole
 
 FLOOR, WALL, SHELF, HAND_OVER, DOCK, CHARGER = LETTERS = ".#shdc"
 CLOSED: Final = (WALL, SHELF)
@@ -329,8 +329,6 @@ KINDS: Final = {".": 0, "#": 1, "s": 5, "h": 2, "d": 3, "c": 4}
 OPEN, WALLED, HANDS_OVER, DOCKS, CHARGES, SHELVES = range(6)
 PLACES: Final = (SHELF, HAND_OVER, DOCK, CHARGER)
 """Kinds of places, in the order of their numbers."""
-NEVER: Final = 1 << 62
-"""The last tick where there is no horizon."""
 MOST: Final = 10_000
 """The most that a count may be."""
 

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from gamekeeper.errors import DependencyError, GamekeeperError, RunError, not_installed
 from gamekeeper.reporting.results_text import few
-from gamekeeper.runs.files.folder import output_path
+from gamekeeper.runs.files.folder import output_path, system_error
 from gamekeeper.viewing.sql.evidence_places import EvidencePlaces, places_of
 from gamekeeper.viewing.sql.sql_views import OWN, Maker, quoted
 from gamekeeper.viewing.sql.statement import reading
@@ -107,11 +107,7 @@ class Rows:
         except RunError:
             raise
         except OSError as error:
-            raise RunError(
-                f"writing failed: {error.strerror}",
-                where=str(file),
-                fix="name a place with space that you may write to",
-            ) from error
+            raise system_error("writing", file, error) from error
         finally:
             draft.unlink(missing_ok=True)
 
