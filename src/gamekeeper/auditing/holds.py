@@ -564,22 +564,18 @@ HOLDS: Final = {
     "GK634": Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True),
     "GK607": CLASSES,
     "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
-    "GK610": Hold(
-        "observations copied before they are handed out", observations_held, ("GK620", "GK624")
-    ),
-    "GK611": Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624")),
+    "GK610": Hold("observations handed out as copies", observations_held, ("GK620", "GK624")),
+    "GK611": Hold("infos handed out as copies", infos_held, ("GK621", "GK624")),
     "GK612": Hold("what state() gives copied", state_held, ("GK622",)),
     "GK636": READINGS,
     "GK637": READINGS,
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
     "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
-    "GK107": Hold(
-        "entries that agents in the game lack added", missing_held, ("GK221", "GK403", "GK527")
-    ),
-    "GK109": Hold("entries that agents in the game lack added", missing_held, ("GK527",)),
+    "GK107": Hold("entries that live agents lack added", missing_held, ("GK221", "GK403", "GK527")),
+    "GK109": Hold("entries that live agents lack added", missing_held, ("GK527",)),
     "GK106": Hold(
-        "entries of agents that aren't in the game deleted",
+        "entries of agents that aren't live deleted",
         entries_held,
         ("GK221", "GK402", "GK403", "GK407", "GK527"),
     ),
