@@ -130,8 +130,8 @@ def test_help_tells_each_command_whole(capfd: pytest.CaptureFixture[str]) -> Non
     _, out, _ = said(capfd, "--help")
     listed = out.partition("Begin:")[2].partition("Example:")[0]
     assert [
-        line for line in listed.splitlines() if line in ("Environments:", "Runs:", "Look:")
-    ] == ["Environments:", "Runs:", "Look:"]
+        line for line in listed.splitlines() if line in ("Environments:", "Runs:", "View:")
+    ] == ["Environments:", "Runs:", "View:"]
     assert [line for line in listed.splitlines() if line.endswith("...")] == []
 
 

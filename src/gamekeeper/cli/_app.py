@@ -40,7 +40,7 @@ GROUPS: Final = {
     15: "Environments",
     30: "Runs",
     80: "Causes and figures",
-    97: "Look",
+    97: "View",
     120: "Share",
     LAST: "More",
 }
