@@ -65,3 +65,28 @@ def test_wheel_and_sdist_hold_every_file_of_the_package(built: Path) -> None:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert {f"src/{name}" for name in kept} <= names
     assert {"README.md", "LICENSE", "pyproject.toml"} <= names
+
+
+OLDER = """
+import importlib, pkgutil
+from gymnasium import spaces
+
+def refused(cls, item):
+    raise TypeError(f"{cls} is not a generic class")
+
+for each in vars(spaces).values():
+    if isinstance(each, type) and each is not spaces.Space:
+        each.__class_getitem__ = classmethod(refused)
+import gamekeeper
+for info in pkgutil.walk_packages(gamekeeper.__path__, "gamekeeper."):
+    try:
+        importlib.import_module(info.name)
+    except ImportError:
+        continue  # an extra that isn't installed
+"""
+
+
+def test_package_is_imported_beside_an_older_gymnasium() -> None:
+    """In Gymnasium 1.2, which RLlib pins, `MultiDiscrete[Any]` and its like can't be written."""
+    done = subprocess.run([sys.executable, "-c", OLDER], capture_output=True, text=True)
+    assert (done.returncode, done.stderr[-2_000:]) == (0, "")

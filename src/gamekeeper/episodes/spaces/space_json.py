@@ -6,6 +6,8 @@ with its own "class" beside it, and comes back as the known one. A class that we
 `{"kind": "unknown", "class": ..., "repr": ...}` and comes back as an `UnknownSpace`.
 """
 
+from __future__ import annotations  # `MultiDiscrete[Any]` is an error with Gymnasium 1.2
+
 import math
 import reprlib
 from base64 import b64decode, b64encode
