@@ -96,7 +96,7 @@ def test_against_tells_arguments_and_another_game(
     for what in ("name", "source", "spaces", "contract"):
         assert told[what] == "stale"
     spaces = next(row for row in found["rows"] if row["what"] == "spaces")
-    assert spaces["now"] == "2 are gone: carrier, picker"
+    assert spaces["now"] == "2 are missing: carrier, picker"
     assert [line.split()[1] for line in found["commands"]] == ["rollout", "audit"]
 
 

@@ -249,7 +249,7 @@ def test_a_run_without_a_condition_asks_for_one() -> None:
     evidence = gk.rollout("tictactoe", episodes=4)
     with pytest.raises(ContractError, match="nothing says when an episode failed") as caught:
         plainly(evidence, contract=gk.Contract())
-    proposed = re.search("failed='(length < .+?)'", str(caught.value))  # all team returns are 0
+    proposed = re.search("failed '(length < .+?)'", str(caught.value))  # all team returns are 0
     assert proposed is not None
     failing = gk.diagnose(evidence, contract=gk.Contract(), failed=proposed[1], episodes=100)
     assert 0 < failing.recorded["team"][0] < 4
