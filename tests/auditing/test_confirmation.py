@@ -25,11 +25,12 @@ from gamekeeper.auditing.holds import (
 )
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
+from gamekeeper.auditing.reproduce import longer_episodes
 from gamekeeper.auditing.reproducer_process import FILE, raised_at
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced
 from gamekeeper.episodes.episode import Episode
-from gamekeeper.rollouts.episode_loop import EpisodeResult
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.warm_worker import WarmWorker
 from gamekeeper.rollouts.workers import TaskOutcome
 from tests.auditing.lucky_games import OnlyInTests, Tires
@@ -359,7 +360,7 @@ def test_a_finding_tells_the_exception_that_its_program_shows() -> None:
     def told(actual: str) -> tuple[str, str]:
         finding = Finding("here", "a step", actual, "", f"# actual: {actual}\n")
         work = Confirmation([Worker(())], lambda: None, None)
-        found, _, is_shown = work.finding(Programs(finding, "", compares=False, unchanged=""))
+        found, _, is_shown = work.finding(Programs(finding, (), compares=False, unchanged=""))
         assert is_shown
         return found.actual, found.reproducer
 
@@ -386,7 +387,7 @@ def test_an_exception_of_the_environment_shows_an_exception_alone(
         work = Confirmation([worker], lambda: None, None)
         for actual, is_shown in zip(("NaN at [14]", "KeyError: 'agent_1'"), shows, strict=True):
             finding = Finding("here", "a number", actual, "", program)
-            found = work.finding(Programs(finding, program, compares=False, unchanged=""))
+            found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
             assert found[2] is is_shown
 
 
@@ -400,3 +401,11 @@ def test_a_comparison_by_numpy_is_the_programs_own(line: str, file: str) -> None
     inner = caught.value.with_traceback(caught.tb.tb_next)  # from the program on
     assert raised_at(inner).partition(":")[0].endswith(file)
     assert bool(raised_at(inner)) == bool(file)
+
+
+def test_program_that_passes_by_chance_gives_way_to_one_of_four_times_its_turns() -> None:
+    """A fault that one turn shows now and then is shown by a few, and needn't take all."""
+    played = EpisodePlan(actions=[{"a": 0}] * 23)
+    shortest = EpisodePlan(actions=[{"a": 0}])
+    found = [len(each.actions or ()) for each in longer_episodes(shortest, played)]
+    assert found == [4, 16, 23]

@@ -49,15 +49,20 @@ class Programs:
 
     Attributes:
         finding: its reproducer is the shortest that was found.
-        whole: the reproducer with the episode as it was played; the same where it wasn't shrunk.
+        longer: the reproducer with more and more of the episode that was played, at last all of it.
         compares: two episodes are compared, so that it may be a consequence.
         unchanged: without the fault's trigger; empty where there is none.
     """
 
     finding: Finding
-    whole: str
+    longer: tuple[str, ...]
     compares: bool
     unchanged: str
+
+    @property
+    def whole(self) -> str:
+        """The reproducer with the episode as it was played."""
+        return self.longer[-1]
 
 
 @dataclass(slots=True)
@@ -135,17 +140,19 @@ class Confirmation:
         return found.pop() if len(found) == 1 else ""
 
     def finding(self, each: Programs) -> tuple[Finding, Reproduced, bool]:
-        """The finding with the shorter of its programs that fails everywhere, and whether one does.
+        """The finding with the shortest of its programs that fails everywhere; whether one does.
 
-        A shrunk program that passes by chance gives way to the whole episode.
+        A shrunk program that passes by chance gives way to one of more turns.
         """
         finding, unchanged = each.finding, None
         is_exception = IS_EXCEPTION.search(finding.actual) is not None
         failed, tried = self.failures(finding.reproducer, names_exception=is_exception)
-        if failed < tried and each.whole != finding.reproducer:
-            again = self.failures(each.whole, names_exception=is_exception)
+        longer = [program for program in each.longer if program != finding.reproducer]
+        for program in longer if failed < tried else ():
+            again = self.failures(program, names_exception=is_exception)
             if again[0] == again[1]:
-                (failed, tried), finding = again, replace(finding, reproducer=each.whole)
+                (failed, tried), finding = again, replace(finding, reproducer=program)
+                break
         is_shown = failed == tried
         finding = self._as_shown(finding) if is_shown else finding
         at = self._raised.get(finding.reproducer, "").partition(" ")[0] if is_shown else ""
@@ -340,7 +347,7 @@ def _with_held(each: Programs, holds: Iterable[Hold]) -> Programs:
     for hold in holds:
         each = Programs(
             replace(each.finding, reproducer=held_still(each.finding.reproducer, hold)),
-            held_still(each.whole, hold),
+            tuple(held_still(program, hold) for program in each.longer),
             compares=each.compares,
             unchanged=held_still(each.unchanged, hold),
         )

@@ -1,7 +1,7 @@
 """From a broken case to a finding: shrunk, and with the program that shows it."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any, Final
@@ -24,7 +24,9 @@ from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.reruns import shrink
 
 MOST_TRIES: Final = 48
-"""Shorter plays that are tried for one finding."""
+"""Shorter episodes that are tried for one finding."""
+LONGER: Final = 4
+"""How many times as long the next program is where a shorter one passes by chance."""
 
 
 @dataclass(slots=True)
@@ -79,14 +81,26 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
         return reduce(held_still, holds, text)
 
     finding = Finding(str(case.where), expected, actual, check.fix, program(play, proof))
-    whole = program(begun if begun.actions is not None else play, proof)
+    longer = [program(each, proof) for each in longer_episodes(play, begun)]
     unchanged = None if proof is None else unchanged_of(proof)
     return Programs(
         finding,
-        whole,
+        tuple(longer),
         compares=proof is not None and proof.compares,
         unchanged=program(begun, unchanged) if unchanged else "",
     )
+
+
+def longer_episodes(play: EpisodePlan, begun: EpisodePlan) -> Iterator[EpisodePlan]:
+    """More and more of the episode that was played, at last all of it."""
+    if begun.actions is None or play.actions is None:
+        yield begun if begun.actions is not None else play
+        return
+    turns = max(len(play.actions), 1) * LONGER
+    while turns < len(begun.actions):
+        yield replace(begun, actions=begun.actions[:turns], most_turns=turns)
+        turns *= LONGER
+    yield begun
 
 
 def unchanged_of(proof: Reproducer) -> Reproducer | None:
