@@ -463,7 +463,7 @@ def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() 
     assert left.beside == ("giving left_0 the policy Walker", peer)
     assert "; so does giving left_0 the policy Walker" in left.why
     screen = diagnosis_screen(found.to_json(), width=100)
-    assert "So does    giving left_0 the policy Walker" in screen
+    assert "Also       giving left_0 the policy Walker" in screen
     assert found.responses["left_0"].lag == 0
     assert found.episodes <= 500
 

@@ -422,7 +422,7 @@ def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
-    """What classes of an environment and its wrappers keep: owner, name of the attribute, value."""
+    """Values that classes of an environment and its wrappers keep: owner, attribute, value."""
     kinds = dict, list, set, np.ndarray, np.random.Generator, np.random.RandomState, random.Random
     while env is not None:
         for cls in type(env).__mro__:
