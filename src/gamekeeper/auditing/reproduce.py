@@ -26,7 +26,7 @@ from gamekeeper.rollouts.reruns import shrink
 MOST_TRIES: Final = 48
 """Shorter episodes that are tried for one finding."""
 LONGER: Final = 4
-"""How many times as long the next program is where a shorter one passes by chance."""
+"""Factor of turns from a program that passes by chance to the next one."""
 
 
 @dataclass(slots=True)
