@@ -35,10 +35,9 @@ class ParallelCapture(Capture):
     def __init__(self, env: Any, **settings: Any) -> None:
         super().__init__(env, **settings)
         self._row_agents: list[AgentId] = []  # the agents of the rows that wait for an action
-        self._observation_packers: list[
-            tuple[int, Pack]
-        ] = []  # index and observation packer of each of them
-        self._action_packers: list[Pack] = []  # action packer of each of them
+        # of each of them its index and observation packer, and its action packer
+        self._observation_packers: list[tuple[int, Pack]] = []
+        self._action_packers: list[Pack] = []
         self._waiting: list[Any] = []  # those rows: what was given
         self._ended = False
         self._observations: Any = {}
@@ -132,9 +131,7 @@ class ParallelCapture(Capture):
             terms = truncs = dict.fromkeys(names, False)
         elif rewards.__class__ is defaultdict:  # as PettingZoo converts; a look would add to it
             rewards = dict(rewards)
-        rows = count or len(
-            self._row_agents
-        )  # where nobody lives on, those who acted are told of it
+        rows = count or len(self._row_agents)  # where all have ended, those who acted see it
         # The usual case costs one pass: plain dictionaries with exactly the agents that have rows.
         if (
             observations.__class__
@@ -299,10 +296,8 @@ class ParallelCapture(Capture):
         """A row of an agent that was given nothing at this turn."""
         index, observe, act = self._packers.get(agent) or self._packers_of(agent)
         self._waiting.extend((index, *NOTHING_GIVEN, live, None))
-        self._row_agents = [
-            *self._row_agents,
-            agent,
-        ]  # a list of its own: the caller may be walking over the old
+        # a list of its own: the caller may be walking over the old
+        self._row_agents = [*self._row_agents, agent]
         self._observation_packers.append((index, observe))
         self._action_packers.append(act)
 
@@ -354,9 +349,7 @@ class ParallelCapture(Capture):
         self._waiting = again
 
     def _end(self) -> None:
-        if (
-            len(self._waiting) != len(self._row_agents) * GIVEN
-        ):  # interrupted while reset was booked
+        if len(self._waiting) != len(self._row_agents) * GIVEN:  # an interrupted reset
             self._waiting, self._row_agents = [], []
         over = self._ended and bool(self._row_agents)
         if not self._is_closed:

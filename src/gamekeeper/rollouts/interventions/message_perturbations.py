@@ -68,9 +68,7 @@ class MessageShuffle(MessagePerturbation):
         def see(observation: Any) -> Any:
             is_struck = rng.random() < strength
             for shuffler in shufflers:
-                shuffled = shuffler(
-                    observation
-                )  # also where nothing is struck: it draws and remembers
+                shuffled = shuffler(observation)  # it draws and remembers also where none is struck
                 observation = shuffled if is_struck else observation
             return observation
 
