@@ -93,7 +93,7 @@ class LearnerSteps:
                 where=f"the roster, {agent!r}",
                 expected="an end that lasts until the episode is over",
                 actual="the agent among those that live",
-                fix="name an agent that joins later anew; RLlib has one stream for each name",
+                fix="name an agent that joins later anew: learners have one stream for each name",
             )
         if output.ended:
             self._ended.add(agent)
