@@ -21,7 +21,11 @@ class Walkers(ParallelEnv):
     Walkers step to either side, a gust moves them too, and who is too far from the middle leaves.
     """
 
-    metadata = {"name": "walkers_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        "name": "walkers_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
 
     def __init__(self, count: int = 6, horizon: int = 24, render_mode: str | None = None) -> None:
         self.count, self.horizon, self.render_mode = count, horizon, render_mode
