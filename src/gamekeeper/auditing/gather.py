@@ -6,6 +6,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from gamekeeper.auditing.agent_places import are_found_by_place
 from gamekeeper.auditing.evidence_memory import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
 from gamekeeper.auditing.holds import ClassState, still_entropy
 from gamekeeper.auditing.probe import Probe, probes
@@ -113,6 +114,7 @@ def session_of(
         seed=seed + 1,
         ration=budget,
         meter=Meter(beat=beat),
+        by_place=are_found_by_place(opened),
     )
 
 
