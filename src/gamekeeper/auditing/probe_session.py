@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any, Final, TypeAlias
 
 from gamekeeper.auditing.agent_places import actions_by_place
-from gamekeeper.auditing.holds import ClassState
+from gamekeeper.auditing.class_state import ClassState
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
 from gamekeeper.contract import Contract
