@@ -301,3 +301,17 @@ def test_a_fault_is_shown_where_no_action_can_name_its_agent() -> None:
     spec = "tests.auditing.roster_games:MadeAnew"
     found = audit_here(spec, select=("GK110", "GK221", "GK902"), budget=300)
     assert {each.id for each in found.failed} == {"GK110", "GK902"}
+
+
+def test_reset_that_ends_the_program_is_told_where_agents_are_not_listed() -> None:
+    """Agents are asked for before any probe plays, if need be of a reset."""
+
+    class Leaves(Counting):
+        def __init__(self) -> None:
+            super().__init__()
+            del self.possible_agents
+
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            raise SystemExit
+
+    assert "SystemExit" in str(audit_here(Leaves, budget=200).verdicts)

@@ -20,17 +20,20 @@ def are_found_by_place(opened: Opened) -> bool:
     """Tells whether actions of an earlier episode can't name the agents of a later one."""
     if opened.api != "parallel" or opened.make is None:
         return False
-    agents = getattr(opened.env, "possible_agents", None)
-    if agents is None:
-        env = opened.make()
-        try:
-            env.reset()
-            agents = list(env.agents)
-        except Exception:  # broken resets are for the probes to tell
-            return False
-        finally:
-            env.close()
-    return not all(map(is_value, agents))
+    try:
+        agents = getattr(opened.env, "possible_agents", None)
+        return not all(map(is_value, _first_agents(opened) if agents is None else agents))
+    except (Exception, SystemExit):  # what is broken is for the probes to tell
+        return False
+
+
+def _first_agents(opened: Opened) -> list[Any]:
+    env = opened.make() if opened.make is not None else opened.env
+    try:
+        env.reset()
+        return list(env.agents)
+    finally:
+        env.close()
 
 
 def actions_by_place(make: Callable[[], Any]) -> Callable[[], Any]:
