@@ -147,6 +147,8 @@ class TransformedVector:
 
     def _after(self, obs: Any, terminated: Any, truncated: Any, infos: dict[str, Any]) -> Any:
         """Shows what followed a step, last observations before episodes are forgotten."""
+        if self._is_quiet and not ("final_obs" in infos or "failed" in infos):
+            return self._shown(obs, None)
         over = infos["over"]
         over = over.copy() if np.count_nonzero(over) else None
         is_same = self.autoreset == "same_step"
@@ -187,7 +189,9 @@ class TransformedVector:
             self._columns = infos["turn"].astype(np.intp)
             self._live = self._acting = live & self._in_turn(live)
         elif self._remembers:
-            self._acting = live if self._live is None else live.copy()
+            self._acting = live.copy()  # which the next step may overwrite
+        # all agents are live, and stay so for as long as there are no last observations of any
+        self._is_quiet = self._live is None and self._began is None
 
     def _in_turn(self, live: Flags) -> Any:
         return np.arange(live.shape[1]) == self._columns[:, None]

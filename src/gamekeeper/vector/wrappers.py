@@ -20,6 +20,7 @@ from gamekeeper.interface.wrappers.observation_wrappers import (
     FrameStack,
 )
 from gamekeeper.interface.wrappers.reward_wrappers import ClippedRewards
+from gamekeeper.kernels.scaled_rows import scaling
 from gamekeeper.vector.transformed_vector import (
     EVERYBODY,
     BatchTransform,
@@ -354,7 +355,7 @@ class NormalizedBatch(BatchTransform):
         self._envs, self._groups = venv.num_envs, venv.groups
         self._roles = [_by_role(group.agents) for group in venv.groups]
         self._known: dict[tuple[int, str, bool], Any] = {}
-        self._whole: dict[Any, Any] = {}
+        self._ready: dict[tuple[int, str], Any] = {}
         self.begin()
 
     def observation_space(self, group: VectorGroup) -> Space:
@@ -409,21 +410,20 @@ class NormalizedBatch(BatchTransform):
             if key not in learnt:
                 found[key] = changed(part, np.copy)
                 continue
-            mean, scale = self._stacked(g, key, part.dtype)
-            at: Any = slice(len(part)) if isinstance(columns, slice) else (0, columns)
-            scaled = self._new(g, key, part.shape, reuses=reuses)
-            np.subtract(part, mean[at], out=scaled, casting="same_kind")
-            scaled *= scale[at]
-            found[key] = scaled.clip(-clip, clip, out=scaled)
+            mean, factor = self._stacked(g, key, part.dtype)
+            are_alike, ready = (
+                isinstance(columns, slice),
+                self._ready.get((g, key)) if reuses else None,
+            )
+            if ready is None or ready[0] is not part or ready[1] is not mean:
+                scaled = np.empty(part.shape, np.float32)
+                means = (mean, factor) if are_alike else (mean[0, columns], factor[0, columns])
+                ready = part, mean, scaled, scaling(part, *means, clip, scaled, are_alike=are_alike)
+                if reuses and are_alike:
+                    self._ready[g, key] = ready
+            *_, found[key], scale = ready
+            scale()
         return found if isinstance(seen, dict) else found[""]
-
-    def _new(self, g: int, key: str, shape: tuple[int, ...], *, reuses: bool) -> Any:
-        if not reuses:
-            return np.empty(shape, np.float32)
-        found = self._whole.get((g, key, shape))
-        if found is None:
-            found = self._whole[g, key, shape] = np.empty(shape, np.float32)
-        return found
 
     def _stacked(self, g: int, key: str, dtype: Any, *, paid: bool = False) -> Any:
         """Means [env, agent, ...] and one over deviations, worked out once for each state.
