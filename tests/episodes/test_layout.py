@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
-from gamekeeper.episodes.layout import Layout, group_names, role, spaces_json
+from gamekeeper.episodes.layout import Layout, agent_name, group_names, role, spaces_json
 from gamekeeper.episodes.spaces import Codec
 
 SMALL, WIDE, TALL = (Codec(Box(0, 1, shape, np.float32)) for shape in ((2,), (3,), (4,)))
@@ -105,3 +105,12 @@ def test_group_names_are_distinct() -> None:
     """An agent that has a prefix for its name doesn't take the group's."""
     groups = group_names([("a_0", SMALL), ("a", WIDE), ("b_0", TALL)])
     assert {"a_0", "a", "b"} == set(groups.values())
+
+
+@pytest.mark.parametrize(
+    ("agent", "name"),
+    [("a", "a"), ("", '""'), ("a\nb", '"a\\nb"'), (3, "3"), (("a", 1), '["a",1]')],
+)
+def test_layout_names_every_agent_readably(agent: Any, name: str) -> None:
+    """A name is never blank nor of several lines; what is no text is named by its JSON."""
+    assert agent_name(agent) == name
