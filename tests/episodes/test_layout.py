@@ -94,23 +94,8 @@ def test_agents_without_a_space_have_a_seat() -> None:
 
 
 @pytest.mark.parametrize(
-    ("agent", "name"), [("picker_0", "picker"), ("a_b_12", "a_b"), ("wolf", "wolf"), ("_1", "_1")]
+    ("agent", "name"), [("a", "a"), ("", '""'), (3, "3"), ("\ud800", '"\\ud800"')]
 )
-def test_role_is_the_name_without_its_number(agent: str, name: str) -> None:
-    """What draws no number stays."""
-    assert name == role(agent)
-
-
-def test_group_names_are_distinct() -> None:
-    """An agent that has a prefix for its name doesn't take the group's."""
-    groups = group_names([("a_0", SMALL), ("a", WIDE), ("b_0", TALL)])
-    assert {"a_0", "a", "b"} == set(groups.values())
-
-
-@pytest.mark.parametrize(
-    ("agent", "name"),
-    [("a", "a"), ("", '""'), ("a\nb", '"a\\nb"'), (3, "3"), (("a", 1), '["a",1]')],
-)
-def test_layout_names_every_agent_readably(agent: Any, name: str) -> None:
-    """A name is never blank nor of several lines; what is no text is named by its JSON."""
+def test_layout_names_every_agent(agent: Any, name: str) -> None:
+    """A name is never blank; what is no text that UTF-8 carries is named by its JSON."""
     assert agent_name(agent) == name
