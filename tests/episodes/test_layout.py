@@ -94,8 +94,20 @@ def test_agents_without_a_space_have_a_seat() -> None:
 
 
 @pytest.mark.parametrize(
-    ("agent", "name"), [("a", "a"), ("", '""'), (3, "3"), ("\ud800", '"\\ud800"')]
+    ("agent", "name"), [("picker_0", "picker"), ("a_b_12", "a_b"), ("wolf", "wolf"), ("_1", "_1")]
 )
-def test_layout_names_every_agent(agent: Any, name: str) -> None:
-    """A name is never blank; what is no text that UTF-8 carries is named by its JSON."""
+def test_role_is_the_name_without_its_number(agent: str, name: str) -> None:
+    """What draws no number stays."""
+    assert name == role(agent)
+
+
+def test_group_names_are_distinct() -> None:
+    """An agent that has a prefix for its name doesn't take the group's."""
+    groups = group_names([("a_0", SMALL), ("a", WIDE), ("b_0", TALL)])
+    assert {"a_0", "a", "b"} == set(groups.values())
+
+
+@pytest.mark.parametrize(("agent", "name"), [("a", "a"), ("", '""'), (3, "3")])
+def test_agent_name_is_never_blank(agent: Any, name: str) -> None:
+    """What is no text, or an empty one, is named by its JSON."""
     assert agent_name(agent) == name

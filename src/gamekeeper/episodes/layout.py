@@ -166,7 +166,7 @@ def _text(agent: AgentId) -> str:
 
 
 def agent_name(agent: AgentId) -> str:
-    """An agent's name in columns: itself where UTF-8 carries it and it isn't empty, else its JSON."""
+    """An agent's name in columns: itself if it isn't empty and UTF-8 carries it, else its JSON."""
     if isinstance(agent, str):
         name = _text(agent)
         return name if name and clean(name) == name else to_json(name)
