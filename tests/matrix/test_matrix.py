@@ -39,6 +39,7 @@ def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -
         ("FlagsStayUp", "GK523", "GK604"),
         ("InfosOfOneTrader", "GK527", "GK109"),
         ("GeneratorOfTheClass", "GK702", "GK607"),
+        ("GeneratorOfTheModule", "GK702", "GK607"),
         ("LevelsAreSeen", "GK620", "GK610"),
         ("NotRestored", "GK103", "GK604"),
         ("PaidAfterEnd", "GK402", "GK106"),

@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.auditing.class_state import kept_by_classes, put_back
 from gamekeeper.checks.reproducer_source import text_of
 
 MAKE: Final = "\ndef make():\n"
@@ -422,21 +423,6 @@ def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
-def kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
-    """Values that classes of an environment and its wrappers keep: owner, attribute, value."""
-    kinds = dict, list, set, np.ndarray, np.random.Generator, np.random.RandomState, random.Random
-    while env is not None:
-        for cls in type(env).__mro__:
-            for name, value in list(vars(cls).items()):
-                if inspect.isfunction(value):
-                    if any(isinstance(each, kinds) for each in value.__defaults__ or ()):
-                        yield value, "__defaults__", value.__defaults__
-                elif isinstance(value, kinds) and not name.startswith("__"):
-                    yield cls, name, value
-        inside = getattr(env, "__dict__", {})
-        env = next((inside[name] for name in ("env", "aec_env", "par_env") if name in inside), None)
-
-
 def actions_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Hands a copy of each action to step."""
 
@@ -452,7 +438,7 @@ def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
     def put(kept: Any) -> None:
         for (owner, name), value in kept.items():
-            setattr(owner, name, value)
+            put_back(owner, name, value)
 
     def kept_of(env: Any) -> dict[Any, Any]:
         return {(owner, name): value for owner, name, value in kept_by_classes(env)}
@@ -492,23 +478,6 @@ def still_entropy() -> Iterator[None]:
         yield
     finally:
         put_back()
-
-
-class ClassState:
-    """Attributes of an environment's and its wrappers' classes, and defaults, before any play."""
-
-    __slots__ = ("_values",)
-
-    def __init__(self, env: Any) -> None:
-        self._values: list[tuple[Any, str, Any]] = []
-        for owner, name, value in kept_by_classes(env):
-            with contextlib.suppress(Exception):  # what can't be copied stays as it is
-                self._values.append((owner, name, copy.deepcopy(value)))
-
-    def restore(self) -> None:
-        """Puts copies of it back."""
-        for owner, name, value in self._values:
-            setattr(owner, name, copy.deepcopy(value))
 
 
 @dataclass(frozen=True, slots=True)
