@@ -12,9 +12,9 @@ import pytest
 from gamekeeper.auditing import other_process
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
+from gamekeeper.auditing.class_state import ClassState
 from gamekeeper.auditing.confirm import TRIES, Confirmation, Programs, _share_until
 from gamekeeper.auditing.holds import (
-    ClassState,
     calls_of_class,
     globals_held,
     missing_held,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Final, TypeAlias
 
-from gamekeeper.auditing.holds import ClassState
+from gamekeeper.auditing.class_state import ClassState
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
 from gamekeeper.contract import Contract
