@@ -571,10 +571,8 @@ HOLDS: Final = {
     "GK612": Hold("results of state() copied", state_held, ("GK622",)),
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
-    "GK107": Hold(
-        "entries that live agents lack added", missing_held, ("GK108", "GK221", "GK403", "GK527")
-    ),
-    "GK109": Hold("entries that live agents lack added", missing_held, ("GK527",)),
+    "GK107": Hold("missing entries added", missing_held, ("GK108", "GK221", "GK403", "GK527")),
+    "GK109": Hold("missing entries added", missing_held, ("GK527",)),
     "GK106": Hold(
         "entries of agents that aren't live deleted",
         entries_held,
