@@ -121,8 +121,8 @@ def test_policies_that_several_agents_need_are_confirmed_beside_each_alone() -> 
         IdealSubstitute(f"x for {a}", POLICY, (a,), s) for a, s in zip("ab", steps, strict=True)
     ]
     both, runner = joined(swaps, "x for both"), SimpleNamespace(left=ASIDE + 3 * 64)
-    room: Any = SimpleNamespace(runner=runner, confirm=64, renewals=())
-    assert _with_parts(room, [both]) == [both, *swaps]
+    room: Any = SimpleNamespace(runner=runner, confirm=64, renewals=(), least=set())
+    assert (_with_parts(room, [both]), room.least) == ([both, *swaps], {both.name})
     runner.left -= 1
     assert _with_parts(room, [both]) == [both]
     room.renewals = (both,)

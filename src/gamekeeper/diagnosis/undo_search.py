@@ -289,6 +289,8 @@ def _with_parts(experiment: Experiment, pool: Sequence[IdealSubstitute]) -> list
     renewed = {part for one in experiment.renewals for part in one.parts}
     parts = dict.fromkeys(part for one in pool for part in one.parts if part not in pool)
     if experiment.confirm * (len(pool) + len(parts)) <= experiment.runner.left - ASIDE:
+        both = [one for one in pool if one.component == POLICY and len(one.parts) == 2]
+        experiment.least |= {one.name for one in both}
         return [*pool, *parts]
     return [one for one in pool if not {*one.parts} & renewed & {*parts}]
 
