@@ -83,6 +83,20 @@ def test_served_page_asks_for_its_episode(shown: tuple[Shown, Any]) -> None:
     assert page.locator(".episode-list tbody tr").count() == 1
 
 
+def test_served_page_plays_what_is_chosen_in_sight(shown: tuple[Shown, Any]) -> None:
+    """The list is one line above the player; a thumbnail in it brings the player into sight."""
+    things, page = shown
+    things.next = summed({**parallel_episode(turns=30, episode=1), "marks": []})
+    page.reload()
+    page.wait_for_selector("#gk-player[data-turn]")
+    assert page.locator(".deck-world").bounding_box()["y"] < 600
+    page.set_viewport_size({"width": 1200, "height": 500})
+    page.locator(".episode-list > summary").click()
+    page.get_by_role("button", name="Play: Episode 1").click()
+    expect(page.locator(".deck-top h3")).to_contain_text("Episode 1")
+    assert 0 <= page.locator(".jumps").bounding_box()["y"] < 100
+
+
 def test_served_page_follows_a_recording(shown: tuple[Shown, Any]) -> None:
     """The cursor goes to the end of what grew, until the reader goes back or asks for it again."""
     things, page = shown

@@ -425,18 +425,22 @@ def _checks(count: int) -> str:
     return f"{count} check{'' if count == 1 else 's'}"
 
 
-def not_asked(run: ShownRun, documents: Documents, *, env: str) -> PageBlock | None:
+def not_asked(
+    run: ShownRun, documents: Documents, *, env: str, plays_on: bool = False
+) -> PageBlock | None:
     """One closed line for the documents that are missing, with the commands to copy.
 
     Args:
         run: the run that the page is about.
         documents: about it.
         env: the environment as commands name it, quoted; `ENV` where it can't be named.
+        plays_on: the page itself plays on.
     """
     path = quoted(run.path)
     asked = dict(_commands(path, env, has_failed=any(run.failed)))
     missing = [name for name in asked if getattr(documents, name) is None]
-    if run.evidence.root is not None and env_words(run.evidence) is not None:
+    is_playable = run.evidence.root is not None and env_words(run.evidence) is not None
+    if is_playable and not plays_on:
         asked["playing on"] = f"gamekeeper view {path} --interactive   # from any turn, changed"
         missing.append("playing on")
     if not missing:

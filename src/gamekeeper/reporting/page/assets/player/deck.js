@@ -35,7 +35,7 @@ gk.Deck = class {
     const texts = [`${e.turns} steps`, gk.endText(e.end)];
     if (e.seed !== null && e.seed !== undefined) texts.unshift(`seed ${e.seed}`);
     const named = gk.page.runs.length > 1 || gk.served;
-    const heading = gk.node("h3", {}, `Episode ${e.index}`, ...(named ? [" of ", gk.name(gk.runText(e.run))] : []));
+    const heading = gk.node("h3", {}, `Episode ${e.index}`, ...(named ? [" · ", gk.name(gk.runText(e.run))] : []));
     const facts = gk.node("p", { class: "deck-facts", text: texts.join(" · ") });
     for (const label of entry?.labels ?? []) facts.append(" ", gk.node("span", { class: "badge plain" }, gk.name(label)));
     return gk.node("header", {}, heading, facts);

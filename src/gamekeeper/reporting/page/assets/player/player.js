@@ -31,8 +31,8 @@ gk.Player = class {
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
     this.curve = new gk.SliderCurve();
     this.playOn = gk.page.play_on && new gk.PlayOn(this);
-    const parts = [this.pairing, this.trouble, this.parted, this.jumps, this.playOn?.root ?? "", this.curve.root, this.stage, this.#controls(), this.#keys()];
-    // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
+    const parts = [this.pairing, this.trouble, this.parted, this.jumps, this.playOn?.root ?? "", this.curve.root, this.stage, this.#controls(), gk.keysHelp()];
+    // A page begins with its episode; the list, in `gamekeeper view` the way to all of them, is a line.
     this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
 
@@ -74,11 +74,6 @@ gk.Player = class {
     // What is jumped to stands above the bar, however high it is.
     new ResizeObserver(() => this.host.style.setProperty("--bar", `${this.bar.offsetHeight}px`)).observe(this.bar);
     return this.bar;
-  }
-
-  #keys() {
-    const text = "← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks · R begins and ends a range. Clicking or dragging on the lanes selects a turn, too, dragging along the turns above them a range.";
-    return gk.node("details", { class: "keys" }, gk.node("summary", { text: "Keys" }), gk.node("p", { class: "note", text }));
   }
 
   get last() {
@@ -162,11 +157,15 @@ gk.Player = class {
     this.mark(anchor);
     [this.chosen, this.solo] = [agent, agent !== null && solo];
     this.#stress();
-    if (focus) {
-      this.moved = true;
-      this.host.closest("section")?.scrollIntoView({ block: "start", behavior: "instant" });
-      this.slider.focus({ preventScroll: true });
-    }
+    if (focus) this.#bringIntoSight();
+  }
+
+  // Where the player begins stands at the top of the window, below the list of `gamekeeper view`.
+  #bringIntoSight() {
+    this.moved = true;
+    const top = gk.served ? [this.pairing, this.jumps].find((part) => !part.hidden) : this.host.closest("section");
+    top?.scrollIntoView({ block: "start", behavior: "instant" });
+    this.slider.focus({ preventScroll: true });
   }
 
   // Puts an episode beside the one on show.
@@ -174,7 +173,8 @@ gk.Player = class {
     const first = this.decks[0]?.entry;
     this.moved = true;
     if (!first) return this.open([entry]);
-    return this.#show(first === entry ? [first] : [first, entry]);
+    await this.#show(first === entry ? [first] : [first, entry]);
+    return this.#bringIntoSight();
   }
 
   async #show(entries, turn) {
