@@ -25,11 +25,12 @@ SEED: Final = "\nSEED = "
 
 
 def with_class(env: Any, **methods: Any) -> Any:
-    """The environment, its class replaced by one with these methods in front of its own."""
-    cls = type(env)
-    held = type(f"Held{cls.__name__}", (cls,), {**methods, "__module__": "__main__"})
-    sys.modules["__main__"].__dict__[held.__name__] = held  # by which pickle finds it
-    env.__class__ = held
+    """The environment, with these methods in front: of one class for all, or pickle takes none."""
+    cls, main = type(env), vars(sys.modules["__main__"])
+    name, made_of = f"Held{cls.__name__}", (cls, [each.__code__ for each in methods.values()])
+    if getattr(main.get(name), "made_of", None) != made_of:
+        main[name] = type(name, (cls,), {**methods, "made_of": made_of, "__module__": "__main__"})
+    env.__class__ = main[name]
     return env
 
 
@@ -494,10 +495,7 @@ def still_entropy() -> Iterator[None]:
 
 
 class ClassState:
-    """Attributes of the classes of an environment and its wrappers, as before any play.
-
-    Default arguments of their functions are among them.
-    """
+    """Attributes of an environment's and its wrappers' classes, and defaults, before any play."""
 
     __slots__ = ("_values",)
 

@@ -308,7 +308,7 @@ def peers_of(
     contract nor names join with any other are peers where `env` gives them equal spaces.
     """
     groups: dict[tuple[str, str], list[IdealSubstitute]] = {}
-    roles = _roles_of(contract, agents, env)
+    roles = roles_of(contract, agents, env)
     for agent in agents:
         own = setup.policy_of(agent, contract)
         others = {
@@ -326,7 +326,7 @@ def peers_of(
             yield joined(swaps, f"giving {names} {peer}'s policy")
 
 
-def _roles_of(contract: Contract, agents: Sequence[str], env: object) -> dict[str, str]:
+def roles_of(contract: Contract, agents: Sequence[str], env: object) -> dict[str, str]:
     """Role of each agent; of one that is alone in its, that of the first such with its spaces."""
     roles = {agent: contract.role_of(agent) or role_in_name(agent) for agent in agents}
     size = Counter(roles.values())
