@@ -106,7 +106,7 @@ class NumbersInBatch(BatchTransform):
                 single.planes.get(agent, single.rows[agent]) for agent in group.agents
             ]
             self._added.append(np.stack(added))
-        self._whole: dict[int, tuple[Any, Rows]] = {}
+        self._whole: dict[int, tuple[Any, WholeRows]] = {}
         self._is_blanked = True
         self._is_joined = [group.agents[0] in single.planes for group in venv.groups]
 
@@ -120,7 +120,7 @@ class NumbersInBatch(BatchTransform):
             return super().shown(g, seen, there, columns)
         if self._is_blanked or g not in self._whole:
             found = self.observations(g, seen, columns, self.lead[g])
-            self._whole[g] = found, Rows(found[..., : seen.shape[-1]])
+            self._whole[g] = found, WholeRows(found[..., : seen.shape[-1]])
         else:
             found, views = self._whole[g]
             views.write(seen)
@@ -132,7 +132,7 @@ class NumbersInBatch(BatchTransform):
         added = self._added[g][columns]
         if self._is_joined[g]:
             found = np.empty((*seen.shape[:-1], seen.shape[-1] + added.shape[-1]), seen.dtype)
-            Rows(found[..., : seen.shape[-1]]).write(seen)
+            WholeRows(found[..., : seen.shape[-1]]).write(seen)
             found[..., seen.shape[-1] :] = added
             return found
         parts = dict(seen) if isinstance(seen, dict) else {VIEW: seen}
@@ -228,7 +228,7 @@ class FramesOfPart:
         self._size, self._first = own[-1], 0
         self._shape = *lead, *own[:-1], self._count * self._size
         self._row: Any = np.zeros(math.prod(self._shape) + MOVES * self._size, leaf.dtype)
-        self._looks: dict[int, tuple[Any, Rows]] = {}
+        self._looks: dict[int, tuple[Any, WholeRows]] = {}
         self._look()
 
     def _look(self) -> None:
@@ -236,7 +236,7 @@ class FramesOfPart:
         if found is None:
             last = self._first + math.prod(self._shape)
             window = self._row[self._first : last].reshape(self._shape)
-            found = self._looks[self._first] = window, Rows(window[..., -self._size :])
+            found = self._looks[self._first] = window, WholeRows(window[..., -self._size :])
         self._window, self._present = found
 
     def _frame(self, seen: Any) -> Any:
@@ -274,11 +274,11 @@ class FramesOfPart:
     def behind(self, seen: Any, envs: Any) -> Any:
         """Frames of some sub-environments, others behind them as present ones."""
         found = self._window[envs]
-        Rows(found[..., -self._size :]).write(self._frame(seen))
+        WholeRows(found[..., -self._size :]).write(self._frame(seen))
         return found
 
 
-class Rows:
+class WholeRows:
     """Places in an array with short last axes, which are written a whole row of numbers at a time.
 
     NumPy copies a row as one element several times as fast as number by number.
@@ -411,10 +411,8 @@ class NormalizedBatch(BatchTransform):
                 found[key] = changed(part, np.copy)
                 continue
             mean, factor = self._stacked(g, key, part.dtype)
-            are_alike, ready = (
-                isinstance(columns, slice),
-                self._ready.get((g, key)) if reuses else None,
-            )
+            are_alike = isinstance(columns, slice)
+            ready = self._ready.get((g, key)) if reuses else None
             if ready is None or ready[0] is not part or ready[1] is not mean:
                 scaled = np.empty(part.shape, np.float32)
                 means = (mean, factor) if are_alike else (mean[0, columns], factor[0, columns])
