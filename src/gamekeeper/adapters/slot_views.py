@@ -367,10 +367,13 @@ class SlotActions:
             own = changed(actions, lambda part: np.asarray(part)[slots])
         else:
             index = slice(None), self._learners.places
-            lead = self._num_envs, len(self._learners)
-            own = changed(actions, lambda part: np.reshape(part, (*lead, *np.shape(part)[1:])))
+            own = changed(actions, self._by_env)
         if self._learners.are_all:
             return own
         put(self._joint[self._learners.group.name], index, own)
         self._others.act(self._joint, obs, infos)
         return self._joint.get(ALL, self._joint)
+
+    def _by_env(self, part: Any) -> Any:
+        array = np.asarray(part)
+        return array.reshape(self._num_envs, len(self._learners), *array.shape[1:])

@@ -38,7 +38,7 @@ __all__ = [
     "frame_stack",
     "normalize",
 ]
-MOVES: Final = 1024
+MOVES: Final = 64
 """Moves of a window over frames before they are copied to the start of their row."""
 
 
@@ -249,7 +249,8 @@ class FramesOfPart:
             return
         if isinstance(at, slice):
             if self._first == MOVES * self._size:
-                self._row[: -self._first] = self._window.ravel()
+                raw = memoryview(self._row.view(np.uint8))  # moves bytes; NumPy would copy twice
+                raw[: self._window.nbytes] = raw[self._first * self._row.itemsize :]
                 self._first = 0
             self._first += self._size
             self._look()
