@@ -14,7 +14,7 @@ SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := warehouse --policy reference
 
-.PHONY: help demo dist test slow-test trainer-test browser-test docs docs-browser-test check nightly seconds format-check lint types format lock clean moved
+.PHONY: help demo dist test slow-test all-test trainer-test browser-test docs docs-browser-test check nightly seconds format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
@@ -43,6 +43,10 @@ test: $(VENV)/test.stamp
 
 slow-test: $(VENV)/test.stamp
 	$(RUN) pytest $(PARALLEL) --tier slow $(ARGS)
+
+# Both tiers in one run: no core idles at the end of the first.
+all-test: $(VENV)/test.stamp
+	$(RUN) pytest $(PARALLEL) --tier all $(ARGS)
 
 # All tests on a quiet machine; their seconds decide which of them are slow from then on.
 seconds: $(VENV)/test.stamp
@@ -75,7 +79,7 @@ $(VENV)/browser.stamp: $(VENV)/home.stamp requirements/browser.txt pyproject.tom
 	@requirements/setup.sh install $(VENV) requirements/browser.txt
 	@touch $@
 
-check: format-check lint types test slow-test docs
+check: format-check lint types all-test docs
 
 # Every bar by its long command; dates and results go into docs/performance.md. Peers and trainers that aren't installed are named and left out.
 nightly: $(VENV)/test.stamp
@@ -83,7 +87,7 @@ nightly: $(VENV)/test.stamp
 
 # Strictly: a page that nobody links to, a name that isn't there or a heading out of place fails.
 docs: $(VENV)/test.stamp docs/checks/index.md
-	$(RUN) sphinx -W --keep-going -q -b html docs build/docs
+	$(RUN) sphinx -W --keep-going -q -j 3 -b html docs build/docs
 	$(RUN) pytest -q -m docs tests/surface/test_built_pages.py
 	@echo "build/docs/index.html"
 

@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
@@ -38,8 +39,9 @@ intersphinx_mapping = {
 }
 
 LINK = re.compile(r"\[([^\]]+)\]\(([\w./-]+)\.md[)#]")
-HOMES = {"checks/index": "checks/GK", "zoo": "findings/"}
-"""Pages whose side bar lists a folder of their own: the folder, or how its pages' names begin."""
+HOMES = {"checks/GK": "checks/index", "findings/": "zoo"}
+"""Pages of which there are too many for a side bar, by how their names begin: the page of all."""
+suppress_warnings = ["toc.not_included"]  # these pages; a test holds that all others are listed
 ENTRIES = "All pages"
 """The heading of the first page under which the entries of the side bar stand."""
 ANY_LINK = re.compile(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]*)?\)")
@@ -71,9 +73,9 @@ def with_contents(app: Sphinx, page: str, text: list[str]) -> None:
         pages = {x: title for x, title in _links(text[0]).items() if x in app.env.found_docs}
         others = [x for x in pages if x not in entries]
         text[0] += _toctree([f"{_short(pages[x])} </{x}>" for x in others])
-    elif page in HOMES:
-        pages = sorted(x for x in app.env.found_docs if x.startswith(HOMES[page]))
-        text[0] += _toctree([f"/{x}" for x in pages])
+    for names, home in HOMES.items():
+        if page.startswith(names):
+            text[0] += f"\n\nBack to [all of them](/{home}.md).\n"
 
 
 def _links(text: str) -> dict[str, str]:
@@ -125,8 +127,22 @@ def _table_row(line: str, *, is_first: bool) -> list[str]:
     return [] if set(line) <= set("|- ") else row
 
 
+def in_both_schemes(app: Sphinx, page: nodes.document) -> None:
+    """Puts the dark picture beside each named `…-light.png`; the theme shows one of them."""
+    folder = Path(app.env.doc2path(app.env.docname)).parent
+    for image in list(page.findall(nodes.image)):
+        dark = image["uri"].replace("-light.png", "-dark.png")
+        if dark != image["uri"] and (folder / dark).exists():
+            other = image.deepcopy()
+            other["uri"] = dark
+            image["classes"].append("only-light")
+            other["classes"].append("only-dark")
+            image.parent.insert(image.parent.index(image) + 1, other)
+
+
 def setup(app: Sphinx) -> None:
     """Sphinx calls this."""
+    app.connect("doctree-read", in_both_schemes, priority=400)  # before images are collected
     app.connect("autodoc-process-docstring", in_rest, priority=400)  # before napoleon
     app.connect("source-read", within)
     app.connect("source-read", with_contents)

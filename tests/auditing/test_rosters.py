@@ -196,6 +196,20 @@ def test_words_of_the_gone_are_found() -> None:
     assert [(v.id, v.severity) for v in found.failed] == [("GK113", "low")]
 
 
+def test_a_late_reward_is_one_entry_at_its_turn() -> None:
+    """A reward of an agent that has left says nothing of other entries, nor of other turns."""
+
+    def late(env: Any, out: Any) -> Any:
+        if env.tick == 6:
+            out[1]["a"] = 1.0
+        return out
+
+    found = audited(lambda: Counting(ends=(3, 9, 9), bend=late))
+    assert [verdict.id for verdict in found.failed] == ["GK106"]
+    assert str(found.of("GK106").findings[0].where).endswith("turn 5, rewards['a']")
+    assert found.of("GK113").outcome == "passed"
+
+
 @pytest.mark.parametrize(
     ("out", "seen"), [(lambda out: out[:4], "a tuple of 4"), (lambda out: out[0], "a dict")]
 )

@@ -10,7 +10,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.episodes.actions_level import EVERY
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import DivergenceError, EvidenceError
+from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.runs.expanding import expand, whole_evidence
 from gamekeeper.runs.run_check import verify
 from tests.runs.plays import played
@@ -89,6 +89,20 @@ def test_full_run_is_not_expanded(tmp_path: Path) -> None:
     gk.rollout("two_robot_line", episodes=1, out=tmp_path / "run")
     with pytest.raises(EvidenceError, match="nothing to expand"):
         expand(tmp_path / "run", tmp_path / "whole")
+
+
+def test_refused_folder_keeps_what_lies_in_it(tmp_path: Path) -> None:
+    """A folder that holds something is refused, and nothing in it is touched."""
+    gk.rollout("two_robot_line", episodes=1, out=tmp_path / "run", level="actions")
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "notes.txt").write_text("mine")
+
+    with pytest.raises(RunError, match="isn't empty"):
+        expand(tmp_path / "run", tmp_path / "taken")
+    with pytest.raises(GamekeeperError, match="nowhere"):
+        expand(tmp_path / "run", tmp_path / "taken", env="gamekeeper.nowhere:make")
+
+    assert (tmp_path / "taken" / "notes.txt").read_text() == "mine"
 
 
 def test_recorded_environment_of_the_user_expands(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def put_back(owner: Any, name: str, value: Any) -> None:
 
 
 class ClassState:
-    """What classes and modules of an environment and its wrappers kept before any play."""
+    """State of an environment's and its wrappers' classes and modules before any play."""
 
     __slots__ = ("_values",)
 

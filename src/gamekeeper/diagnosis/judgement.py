@@ -1,4 +1,4 @@
-"""Answers from outcomes: the ideal substitutes that restore, and shares that contradict. Pure."""
+"""Answers from outcomes: the ideal substitutes that restore. Pure."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from gamekeeper.diagnosis.trials import (
 from gamekeeper.diagnosis.undos import MESSAGES
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
-from gamekeeper.statistics.significance import fisher_exact, holm, p_text, wilson
+from gamekeeper.statistics.significance import holm, wilson
 
 Answer = Literal[
     "healthy",
@@ -40,12 +40,17 @@ Successes = NDArray[np.float64]
 
 EITHER: Final = f"{PERCEPTION} or {CONTROL}"
 OR_DRAWN: Final = f"{TIMING} or what it draws"
+OR_KEPT: Final = f"{TIMING} or what it keeps"
 """Places of a fault that are shown where an undo leaves its label open."""
+HIDDEN: Final = {OR_DRAWN: "draws", OR_KEPT: "what is kept between turns"}
 ALPHA: Final = 0.05
 EXPECTED: Final = 0.9
 """The share of episodes that succeed where nothing is wrong, unless told otherwise."""
 PART: Final = 0.7
 """An ideal substitute restores where it closes this part of the gap to the expected share."""
+
+EASED: Final = 0.5
+"""The part of the gap above which one undo of a pair is no fault that the other one hides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +120,7 @@ def judged(
     dropped: int = 0,
     paired: int = 0,
     least: Collection[str] = (),
+    acquitted: Collection[str] = (),
     rng: Generator,
 ) -> ScopeFinding:
     """The answer that fresh seeds give.
@@ -131,6 +137,7 @@ def judged(
         paired: pairs of undos that the search tried.
         least: names of groups of which nothing can be left out; such a group goes before a part of
             it that it beats beyond chance.
+        acquitted: agents whose undos show no fault of theirs.
         rng: for intervals that are drawn.
     """
     answer: Answer
@@ -149,6 +156,8 @@ def judged(
     best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
     # The smallest answer goes first: one substitute; a pair that beats both of its parts; all at
     # once.
+    best = [one for one in best if not _is_cleared(one.substitute, acquitted)]
+    best = [one for one in best if not _is_eased(one, tried)]
     singles = [one for one in best if not _is_of_several(one.substitute)]
     if singles:
         return _beside_policies(_of_singles(singles, tried, success, skipped), arms, rng)
@@ -174,6 +183,16 @@ def judged(
     why += f", nor do {paired} pairs of undos at two agents" if paired else ""
     answer = "unexplained" if arms or dropped else "not_tried"
     return ScopeFinding(answer, (), (), tried, success, why)
+
+
+def _is_eased(pair: Tried, tried: Sequence[Tried]) -> bool:
+    """One undo of a pair does most of what both do: the other may only make up for the rest."""
+    parts = {part.name for part in pair.substitute.parts} if pair.substitute.is_pair else ()
+    return any(one.substitute.name in parts and one.recovered > EASED for one in tried)
+
+
+def _is_cleared(one: IdealSubstitute, acquitted: Collection[str]) -> bool:
+    return one.undo is not None and bool(one.agents) and {*one.agents} <= {*acquitted}
 
 
 def _is_of_several(one: IdealSubstitute) -> bool:
@@ -414,8 +433,8 @@ def _undone_by(substitutes: Sequence[IdealSubstitute]) -> str:
             f"{why}: as several exchanges of one field do alike, none is shown to be taken for "
             "another; what its policy does with that field may be wrong"
         )
-    if substitutes[0].open_as == OR_DRAWN:
-        return f"{why}: it is {substitutes[0].shown}; an action that is held also hides draws"
+    if (hidden := HIDDEN.get(substitutes[0].open_as)) is not None:
+        return f"{why}: it is {substitutes[0].shown}; an action that is held also hides {hidden}"
     if substitutes[0].open_as == POLICY:
         return f"{why}, as it reacts to nothing without; which part of it can't be told apart"
     if substitutes[0].open_as:
@@ -542,52 +561,3 @@ def _is_open(one: IdealSubstitute, rivals: Any) -> bool:
 EXCHANGE: Final = "exchange fields"
 SCALES: Final = ("rescale fields", "normalize fields")
 """Undos that scale what an agent observes."""
-SURE: Final = 0.01
-"""A p-value below which recorded and fresh shares differ: runs are often picked by their ends."""
-
-
-@dataclass(frozen=True, slots=True)
-class Contradiction:
-    """Recorded and fresh episodes of one scope whose shares of failure differ beyond chance.
-
-    Attributes:
-        recorded, fresh: how many episodes failed, and of how many.
-        p: of Fisher's exact test, two-sided, corrected for the number of scopes (Holm).
-    """
-
-    recorded: tuple[int, int]
-    fresh: tuple[int, int]
-    p: float
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        both = {"recorded": self.recorded, "fresh": self.fresh}
-        counts = {name: {"failed": bad, "episodes": of} for name, (bad, of) in both.items()}
-        return {**counts, "p": self.p, "why": str(self)}
-
-    def __str__(self) -> str:
-        (bad, of), (fresh_bad, fresh_of) = self.recorded, self.fresh
-        return (
-            f"{bad} of {of} recorded episodes failed and {fresh_bad} of {fresh_of} fresh ones, "
-            f"which chance alone would seldom do (Fisher's exact test, {p_text(self.p)}): what was "
-            "played again isn't what was recorded, or the recorded seeds are special; by itself "
-            "this is no all-clear"
-        )
-
-
-def contradictions(
-    recorded: Mapping[str, tuple[int, int]], fresh: Mapping[str, tuple[int, int]]
-) -> dict[str, Contradiction]:
-    """Finds the scopes whose recorded and fresh episodes fail with different shares.
-
-    Args:
-        recorded: by scope, how many episodes failed, and of how many.
-        fresh: the same of fresh episodes with nothing changed.
-    """
-    scopes = [scope for scope in recorded if scope in fresh]
-    corrected = holm([fisher_exact(*recorded[scope], *fresh[scope]) for scope in scopes])
-    return {
-        scope: Contradiction(recorded[scope], fresh[scope], p)
-        for scope, p in zip(scopes, corrected, strict=True)
-        if p < SURE
-    }

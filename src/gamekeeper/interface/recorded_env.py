@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 from typing import Any, ClassVar, Final
 
 from pettingzoo import AECEnv, ParallelEnv
@@ -74,9 +75,7 @@ class _RecordedEnv:
 
 
 def _handed_on(name: str) -> property:
-    return property(
-        lambda wrapped: getattr(wrapped._capture.env, name), doc=f"The environment's own `{name}`."
-    )
+    return property(attrgetter(f"_capture.env.{name}"), doc=f"The environment's own `{name}`.")
 
 
 for _name in (

@@ -12,6 +12,7 @@ from typing import Any, Final
 from gamekeeper.episodes.divergence import Divergence, compare_chunks
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
+from gamekeeper.interface.env_source import Opened
 from gamekeeper.interface.object_source import ASSUMED
 from gamekeeper.interface.openings import GLOBALS, SameOpenings
 from gamekeeper.rollouts.process_randomness import states
@@ -74,7 +75,6 @@ def expand(
         outcome = run_task(TASK, arguments, silence_s=timeout_s, on_message=on_message)
     error = error_in(outcome)
     if error is not None:
-        shutil.rmtree(out, ignore_errors=True)
         raise error
     whole = load(out)
     if consent.rule not in OWN_RULES:
@@ -257,6 +257,16 @@ def play_whole(
     except BaseException:
         opened.env.close()
         raise
+    try:
+        _play_into(recorder, evidence, opened, report)
+    except BaseException:  # only what was made here goes: the recorder refuses a folder in use
+        shutil.rmtree(out, ignore_errors=True)
+        raise
+
+
+def _play_into(
+    recorder: RunRecorder, evidence: Evidence, opened: Opened, report: Callable[..., None]
+) -> None:
     runner = ReplayRunner(evidence, opened, after_turn=report, sink=recorder)
     capture = runner.capture
     capture.openings = openings = SameOpenings()

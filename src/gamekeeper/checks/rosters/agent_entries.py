@@ -49,8 +49,15 @@ class TurnEntries:
         return frozenset(PARTS) if self.turn.index else ENTRIES_AT_RESET
 
     def has(self, agent: str) -> frozenset[str]:
-        """The parts that say something of an agent in this turn."""
-        return self.all_parts - self.missing.get(agent, frozenset())
+        """The parts that say something of an agent in this turn.
+
+        A reward stands in the row of the turn whose step paid it: of an agent that has left, such
+        a row holds nothing else, and nothing of it was returned at this turn.
+        """
+        missing = self.missing.get(agent, frozenset())
+        if self.turn.index and not missing and agent not in self.turn.cumulative_reward:
+            return frozenset()
+        return self.all_parts - missing
 
     @property
     def says_nothing(self) -> bool:
