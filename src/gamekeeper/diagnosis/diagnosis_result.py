@@ -6,7 +6,8 @@ from html import escape
 from typing import Any, Self
 
 from gamekeeper.diagnosis.arms import RaisedPolicy
-from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
+from gamekeeper.diagnosis.contradiction import Contradiction
+from gamekeeper.diagnosis.judgement import CAUSES, Answer
 from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.setup_differences import SetupDifference

@@ -13,20 +13,14 @@ from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.agent_answers import agent_answer
 from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder
+from gamekeeper.diagnosis.contradiction import Contradiction, contradictions
 from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
 from gamekeeper.diagnosis.cut_offs import cuts_of, early_cut
 from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
 from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
 from gamekeeper.diagnosis.good_run import compared
-from gamekeeper.diagnosis.judgement import (
-    CAUSES,
-    EXPECTED,
-    PART,
-    Contradiction,
-    ScopeFinding,
-    contradictions,
-)
+from gamekeeper.diagnosis.judgement import CAUSES, EXPECTED, PART, ScopeFinding
 from gamekeeper.diagnosis.open_setup import (
     OpenSetup,
     SetupTraits,

@@ -1,4 +1,4 @@
-"""Answers from outcomes: the ideal substitutes that restore, and shares that contradict. Pure."""
+"""Answers from outcomes: the ideal substitutes that restore. Pure."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from gamekeeper.diagnosis.trials import (
 from gamekeeper.diagnosis.undos import MESSAGES
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
-from gamekeeper.statistics.significance import fisher_exact, holm, p_text, wilson
+from gamekeeper.statistics.significance import holm, wilson
 
 Answer = Literal[
     "healthy",
@@ -171,7 +171,7 @@ def judged(
         )
         return ScopeFinding("ambiguous", labels, (), tried, success, why)
     why = _why_none(arms, everything, skipped, limit, dropped)
-    why += f", nor do {paired} pairs of undos at two agents" if paired else ""
+    why += f", nor do {paired} pairs of changes at two agents" if paired else ""
     answer = "unexplained" if arms or dropped else "not_tried"
     return ScopeFinding(answer, (), (), tried, success, why)
 
@@ -210,7 +210,7 @@ def _why_none(
         ideals = [one for one in arms if one.undo is None]
         begin = "no ideal substitute restores success, nor does any" if ideals else "none"
         end = ", each alone" if ideals else " restores success alone"
-        what = "undos from outside, memory resets, fresh objects and policies of peers"
+        what = "changes to an agent's observations, actions, memory or policy"
         return f"{begin} of {count} {what}{end}"
     if skipped:
         played = f"none of {len(arms)} that were played restores success" if arms else "none was"
@@ -328,8 +328,34 @@ def _of_singles(
     # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     answer, why = _answer_of(substitutes, rivals, tried)
+    if answer == "isolated":
+        ties = _ties(least, tried)
+        names = " and by ".join(one.name for one in ties)
+        why += f"; as much changes by {names}, not yet beyond chance" if ties else ""
+        answer, substitutes = "ambiguous" if ties else answer, (*substitutes, *ties)
     labels = _labels((*substitutes, *rivals))
     return ScopeFinding(answer, labels, substitutes, tried, success, why)
+
+
+def _ties(least: Sequence[Tried], tried: Sequence[Tried]) -> list[IdealSubstitute]:
+    """Others of another place, in which the success rate rises as much, if not beyond chance.
+
+    The correction for all that were tried may let one of several equal effects pass: that one
+    isn't shown to be the only one.
+    """
+    names = {one.substitute.name for one in least}
+    places = {(one.substitute.component, one.substitute.agents) for one in least}
+    most = max(one.effect.value for one in least)
+    return [
+        one.substitute
+        for one in tried
+        if not one.restores
+        and one.effect.value >= most
+        and one.effect.low > 0
+        and not one.substitute.contains & names
+        and not _is_of_several(one.substitute)
+        and (one.substitute.component, one.substitute.agents) not in places
+    ]
 
 
 def _at_both(substitutes: Sequence[IdealSubstitute]) -> tuple[IdealSubstitute, ...]:
@@ -542,52 +568,3 @@ def _is_open(one: IdealSubstitute, rivals: Any) -> bool:
 EXCHANGE: Final = "exchange fields"
 SCALES: Final = ("rescale fields", "normalize fields")
 """Undos that scale what an agent observes."""
-SURE: Final = 0.01
-"""A p-value below which recorded and fresh shares differ: runs are often picked by their ends."""
-
-
-@dataclass(frozen=True, slots=True)
-class Contradiction:
-    """Recorded and fresh episodes of one scope whose shares of failure differ beyond chance.
-
-    Attributes:
-        recorded, fresh: how many episodes failed, and of how many.
-        p: of Fisher's exact test, two-sided, corrected for the number of scopes (Holm).
-    """
-
-    recorded: tuple[int, int]
-    fresh: tuple[int, int]
-    p: float
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        both = {"recorded": self.recorded, "fresh": self.fresh}
-        counts = {name: {"failed": bad, "episodes": of} for name, (bad, of) in both.items()}
-        return {**counts, "p": self.p, "why": str(self)}
-
-    def __str__(self) -> str:
-        (bad, of), (fresh_bad, fresh_of) = self.recorded, self.fresh
-        return (
-            f"{bad} of {of} recorded episodes failed and {fresh_bad} of {fresh_of} fresh ones, "
-            f"which chance alone would seldom do (Fisher's exact test, {p_text(self.p)}): what was "
-            "played again isn't what was recorded, or the recorded seeds are special; by itself "
-            "this is no all-clear"
-        )
-
-
-def contradictions(
-    recorded: Mapping[str, tuple[int, int]], fresh: Mapping[str, tuple[int, int]]
-) -> dict[str, Contradiction]:
-    """Finds the scopes whose recorded and fresh episodes fail with different shares.
-
-    Args:
-        recorded: by scope, how many episodes failed, and of how many.
-        fresh: the same of fresh episodes with nothing changed.
-    """
-    scopes = [scope for scope in recorded if scope in fresh]
-    corrected = holm([fisher_exact(*recorded[scope], *fresh[scope]) for scope in scopes])
-    return {
-        scope: Contradiction(recorded[scope], fresh[scope], p)
-        for scope, p in zip(scopes, corrected, strict=True)
-        if p < SURE
-    }
