@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 HERE = Path(__file__).parent
@@ -126,8 +127,22 @@ def _table_row(line: str, *, is_first: bool) -> list[str]:
     return [] if set(line) <= set("|- ") else row
 
 
+def in_both_schemes(app: Sphinx, page: nodes.document) -> None:
+    """Puts the dark picture beside each named `…-light.png`; the theme shows one of them."""
+    folder = Path(app.env.doc2path(app.env.docname)).parent
+    for image in list(page.findall(nodes.image)):
+        dark = image["uri"].replace("-light.png", "-dark.png")
+        if dark != image["uri"] and (folder / dark).exists():
+            other = image.deepcopy()
+            other["uri"] = dark
+            image["classes"].append("only-light")
+            other["classes"].append("only-dark")
+            image.parent.insert(image.parent.index(image) + 1, other)
+
+
 def setup(app: Sphinx) -> None:
     """Sphinx calls this."""
+    app.connect("doctree-read", in_both_schemes, priority=400)  # before images are collected
     app.connect("autodoc-process-docstring", in_rest, priority=400)  # before napoleon
     app.connect("source-read", within)
     app.connect("source-read", with_contents)

@@ -12,7 +12,17 @@ HERE: Final = Path(__file__).parent
 CATALOGUE: Final = HERE / "environments.toml"
 GROUPS: Final = HERE / "groups.toml"
 Group = Literal[
-    "tuned", "related", "new", "left", "fresh", "second", "third", "fourth", "fifth", "sixth"
+    "tuned",
+    "related",
+    "new",
+    "left",
+    "fresh",
+    "second",
+    "third",
+    "fourth",
+    "fifth",
+    "sixth",
+    "seventh",
 ]
 
 
@@ -32,7 +42,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *sixth*: likewise, once they were changed by those before."""
+    *second* to *seventh*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

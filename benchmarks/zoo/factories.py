@@ -407,3 +407,63 @@ def coverage() -> Any:
     paths = {"config_path": "config/simulation_config.json", "graph_path": "config/graph_map.json"}
     read = inside_repository(where, "main", "bootstrap_environment", **paths)
     return of_repository(where, "rl.envs.pettingzoo_env", "CoverageParallelEnv", config=read[0])
+
+
+def inner_module(repository: str, inner: str, module: str) -> Any:
+    """A module of a repository whose packages lie in a folder of it, and are read from its root."""
+    root = Path(os.environ["ZOO_REPOSITORIES"], repository)
+    os.chdir(root)
+    sys.path.insert(0, str(root / inner))
+    return importlib.import_module(module)
+
+
+def racing() -> Any:
+    """Three cars on the track of its own tests."""
+    where = "Mibrahim2003+F1-RL"
+    read = inner_module(where, "src", "f1rl.utils.config").load_config
+    config = read("default", overrides=["track_id=red_bull_ring"], config_root=Path("configs"))
+    racing_env = inner_module(where, "src", "f1rl.env.multi_agent").RacingParallelEnv
+    return racing_env(config, n_agents=3)
+
+
+def batteries() -> Any:
+    """Five batteries, for a day at a time at the prices that its training reads."""
+    import csv
+
+    where = "khaled-sawaid+battery-rl-env"
+    path = Path(os.environ["ZOO_REPOSITORIES"], where, "datasets/energy_prices_2024_france.csv")
+    column = "Day-ahead Price (EUR/MWh)"
+    with path.open() as file:
+        prices = [float(row[column]) / 1000 for row in csv.DictReader(file) if row[column]]
+    return of_repository(where, "envs.multi_agent", "BatteryParallelEnv", price_series=prices)
+
+
+def drone_swarm() -> Any:
+    """Drones and targets of its own scenario."""
+    setup = inner_module("ApartsinProjects+ZKDroneSwarm", "", "experiments.env_setup")
+    return setup.build_env_and_configs(setup.load_config("config/scenario.json"))[0]
+
+
+def arena() -> Any:
+    """Organisms that fight, with the configuration of that experiment."""
+    import yaml
+
+    where = "sparktron+MLenvironment"
+    arena_module = inner_module(where, "src", "rl_framework.envs.organisms.arena_parallel")
+    path = Path("src/rl_framework/configs/experiments/organisms_fight_arena.yaml")
+    return arena_module.OrganismArenaParallelEnv(yaml.safe_load(path.read_text())["environment"])
+
+
+def cards() -> Any:
+    """Decks of forty plain followers, as in its own tests: its data base of cards isn't there."""
+    where = "jacklee12312+SWB-RL"
+    card = inner_module(where, "", "swb.db.repository").CardDefinition
+    same = {"card_set_id": 10000, "class_id": 1, "class_name": "", "card_type": "随从"}
+    same |= {"keywords": frozenset(), "support_level": "basic", "is_collectible": True}
+    deck = [
+        card(card_id=n, name=str(n), cost=n % 5 + 1, attack=n % 5 + 1, life=n % 4 + 2, **same)
+        for n in range(100, 140)
+    ]
+    vocabulary = tuple(range(100, 140))
+    make = inner_module(where, "", "swb.rl.aec_env").SWBAECEnv
+    return make(deck, deck, class_a=1, class_b=1, card_vocabulary=vocabulary)

@@ -96,7 +96,7 @@ def save(png: bytes, path: Path) -> None:
 
 
 def main() -> None:
-    """Writes finding-light.png, finding-dark.png, player-light.png and play-on.png."""
+    """Writes a light and a dark picture of the finding, the player and the panel."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent)
     parser.add_argument("--turn", type=int, default=60)
@@ -111,10 +111,10 @@ def main() -> None:
         for scheme in ("light", "dark"):
             page = browser.new_page(viewport=NARROW, color_scheme=scheme)
             save(finding(page, knights), options.folder / f"finding-{scheme}.png")
-        page = browser.new_page(viewport=SIZE, color_scheme="light")
-        save(player(page, address, options.turn), options.folder / "player-light.png")
-        with Viewer([run], interactive=PlayOnOptions()) as view:
-            save(panel(page, view, options.turn), options.folder / "play-on.png")
+            page = browser.new_page(viewport=SIZE, color_scheme=scheme)
+            save(player(page, address, options.turn), options.folder / f"player-{scheme}.png")
+            with Viewer([run], interactive=PlayOnOptions()) as view:
+                save(panel(page, view, options.turn), options.folder / f"play-on-{scheme}.png")
         browser.close()
 
 

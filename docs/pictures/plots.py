@@ -9,16 +9,20 @@ they are at a rate that falls with the step.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import matplotlib as mpl
+import matplotlib.style
 import numpy as np
 
 import gamekeeper as gk
 
 DPI: Final = 100
+GROUNDS: Final = ("figure.facecolor", "axes.facecolor", "savefig.facecolor")
+DARK: Final = dict.fromkeys(GROUNDS, "#14181c") | {"grid.color": "#3a434d"}
+STYLES: Final[dict[str, Any]] = {"light": "default", "dark": ["dark_background", DARK]}
 MIDDLE, STAY = 7, 1
 RUNS: Final = 12
 """Training runs, as many as the interval of an interquartile mean asks for."""
@@ -76,30 +80,33 @@ def board() -> gk.Evaluation:
     return gk.evaluate(spec, episodes=100)
 
 
-def pictures() -> Iterator[tuple[str, Any]]:
-    """Each picture's name and axes."""
+def pictures() -> Iterator[tuple[str, Callable[[], Any]]]:
+    """Each picture's name and what draws its axes."""
     evidence = gk.rollout(
         "warehouse", policies={"picker_1": "lazy", "*": "reference"}, episodes=100, seed=0
     )
-    yield "returns", gk.plot.returns(evidence)
-    yield "heatmap", gk.plot.heatmap(evidence)
-    yield "places", gk.plot.heatmap(evidence, of="places")
+    yield "returns", lambda: gk.plot.returns(evidence)
+    yield "heatmap", lambda: gk.plot.heatmap(evidence)
+    yield "places", lambda: gk.plot.heatmap(evidence, of="places")
     trained = training()
-    yield "curves", gk.plot.curves(trained)
-    yield "profiles", gk.plot.profiles(trained)
-    yield "intervals", gk.plot.intervals(trained, environment="short", statistic="iqm")
-    yield "crossplay", gk.plot.crossplay(board())
+    yield "curves", lambda: gk.plot.curves(trained)
+    yield "profiles", lambda: gk.plot.profiles(trained)
+    yield "intervals", lambda: gk.plot.intervals(trained, environment="short", statistic="iqm")
+    played = board()
+    yield "crossplay", lambda: gk.plot.crossplay(played)
 
 
 def main() -> None:
-    """Writes a PNG for each picture."""
+    """Writes two PNGs for each picture, a light and a dark one."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent / "plots")
     options = parser.parse_args()
     options.folder.mkdir(exist_ok=True)
     mpl.use("Agg")
-    for name, axes in pictures():
-        axes.figure.savefig(options.folder / f"{name}.png", dpi=DPI)
+    for name, draw in pictures():
+        for scheme, style in STYLES.items():
+            with mpl.style.context(style):
+                draw().figure.savefig(options.folder / f"{name}-{scheme}.png", dpi=DPI)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Pictures of the tutorials: their reports as a browser shows them, in light colours.
+"""Pictures of the tutorials: their reports as a browser shows them, light and dark.
 
 Each page's blocks are typed in an empty folder, as the tests do it, and a part of the report that
 they write is taken with Playwright and Chromium (`pip install playwright`; `CHROMIUM` names it):
@@ -20,8 +20,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "src"), ""]
 
 CHROMIUM: Final = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 TAKEN: Final = {
-    "lazy-agent": ("lazy.html", "#play:a/1/18", ".deck", "tutorial-lazy.png"),
-    "train-and-diagnose": ("field.html", "", "#causes figure", "tutorial-diagnosis.png"),
+    "lazy-agent": ("lazy.html", "#play:a/1/18", ".deck", "tutorial-lazy"),
+    "train-and-diagnose": ("field.html", "", "#causes figure", "tutorial-diagnosis"),
 }
 """By page: its report, where that opens, which part is taken, and the picture."""
 
@@ -42,10 +42,12 @@ def take(report: Path, place: str, part: str, picture: Path) -> None:
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1000, "height": 1600})
-        page.goto(report.resolve().as_uri() + place)
-        page.locator(part).first.wait_for(state="visible")
-        page.locator(part).first.screenshot(path=picture)
+        for scheme in ("light", "dark"):
+            size = {"width": 1000, "height": 1600}
+            page = browser.new_page(viewport=size, color_scheme=scheme)
+            page.goto(report.resolve().as_uri() + place)
+            page.locator(part).first.wait_for(state="visible")
+            page.locator(part).first.screenshot(path=f"{picture}-{scheme}.png")
         browser.close()
 
 

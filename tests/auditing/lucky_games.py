@@ -74,12 +74,18 @@ class Written(Unseeded):
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """Begins at zero."""
         self.at = np.zeros(2)
-        return super().reset(seed, options)
+        seen, infos = super().reset(seed, options)
+        return {**seen, "b": self.at.copy()}, infos
 
     def seen(self) -> Any:
         """Goes on from where it stands."""
         self.at = self.at + 0.02 * np.random.rand(2)
         return self.at
+
+    def step(self, actions: Any) -> Any:
+        """Gives the second agent an array of its own."""
+        seen, *rest = super().step(actions)
+        return {**seen, "b": self.at.copy()}, *rest
 
 
 class Slips(Sound):

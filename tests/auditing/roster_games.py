@@ -115,3 +115,28 @@ class Turning(AECEnv):
             self._deads_step_first()
         if self.bend is not None and self.agents:
             self.bend(self)
+
+
+class Made:
+    """An agent that equals itself alone."""
+
+
+class MadeAnew(ParallelEnv):
+    """Each reset makes its agents, and a step returns too little."""
+
+    metadata = {"name": "made_anew_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
+
+    def observation_space(self, agent: Any) -> Any:
+        """One for all."""
+        return DONE
+
+    action_space = observation_space
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Two agents that nobody has met."""
+        self.agents = [Made(), Made()]
+        return dict.fromkeys(self.agents, 0), {a: {} for a in self.agents}
+
+    def step(self, actions: Any) -> Any:
+        """Two dictionaries of five."""
+        return {a: actions[a] for a in self.agents}, dict.fromkeys(self.agents, 0.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import pickle
 import time
 from typing import Any, ClassVar
 
@@ -12,9 +13,9 @@ import pytest
 from gamekeeper.auditing import other_process
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
+from gamekeeper.auditing.class_state import ClassState
 from gamekeeper.auditing.confirm import TRIES, Confirmation, Programs, _share_until
 from gamekeeper.auditing.holds import (
-    ClassState,
     calls_of_class,
     globals_held,
     missing_held,
@@ -294,6 +295,13 @@ def test_calls_that_an_instance_keeps_are_held_too() -> None:
 
     make = globals_held(calls_of_class(Wrapper))
     assert make().reset() == make().reset()
+
+
+def test_instances_whose_generators_are_held_are_copied_by_pickle() -> None:
+    """Of two instances neither takes the other's class away."""
+    make = globals_held(Uncleared)
+    for env in [make(), make()]:
+        assert pickle.loads(pickle.dumps(env)).rewards == {"a": 0}
 
 
 class Uncleared:

@@ -124,7 +124,7 @@ def test_comparison_has_an_address(open_page: Open) -> None:
     page.wait_for_url("**/*#play:a/0/34+a.counterfactual/0")
     page.reload()
     expect(page.locator(".deck h3")).to_have_text(
-        ["Episode 0 of runs/a", "Episode 0 of runs/a.counterfactual"]
+        ["Episode 0 · runs/a", "Episode 0 · runs/a.counterfactual"]
     )
     assert turn_of(page) == 34
 

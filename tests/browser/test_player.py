@@ -92,6 +92,8 @@ def test_play_ends_at_the_last_turn(open_page: Open) -> None:
     page = opened(open_page, aec_episode(), address="#play:b/0/10")
     page.get_by_role("button", name="Play (space)").click()
     expect_turn(page, "11")
+    for _ in range(3):
+        page.get_by_role("button", name="Slower").click()
     page.get_by_role("button", name="Play (space)").click()
     expect_turn(page, r"\d|10")
 

@@ -143,6 +143,7 @@ def test_view_opens_any_episode(chromium: Any, served: str) -> None:
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.goto(served)
     page.wait_for_selector("#gk-player[data-turn]")
+    page.locator(".episode-list > summary").click()
     page.get_by_role("button", name="Play episode 3 of run a").click()
     expect(page.locator(".deck h3")).to_contain_text("Episode 3")
     assert "token" not in page.url

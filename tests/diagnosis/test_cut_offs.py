@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,9 +13,44 @@ from gymnasium.spaces import Box, Discrete
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.cut_offs import cuts_of, cutting_arguments, early_cut, truncating_turn
+from gamekeeper.diagnosis.experiment import Experiment
+from gamekeeper.diagnosis.judgement import judged
+from gamekeeper.diagnosis.setup_differences import ABSENT
+from gamekeeper.diagnosis.trials import CUT_OFF, EVALUATION, IdealSubstitute, over_undos, undone
+from gamekeeper.diagnosis.undos import BoundaryUndo
 from gamekeeper.episodes.outcome import Outcome
 
 HERE = f"{__name__}:"
+
+
+@pytest.mark.parametrize(("cut_off", "is_near"), [("later", False), ("default", True)])
+def test_a_later_cut_off_near_the_threshold_takes_no_more_episodes(
+    cut_off: Any, is_near: bool
+) -> None:
+    """It yields to whatever else restores, which the same episodes may find."""
+    one = IdealSubstitute("limit = 80", CUT_OFF, (), (("argument", "", "limit", 80),))
+    arms = {replace(one, cut_off=cut_off): np.repeat([1.0, 0.0], [46, 18])}
+    finding = judged(np.zeros(64), arms, rng=np.random.default_rng(0))
+    experiment: Any = SimpleNamespace(
+        scopes=("team",), part=0.7, finding=lambda scope: replace(finding, answer="ambiguous")
+    )
+    experiment._is_failing = lambda scope: True
+    assert Experiment._is_near(experiment) is is_near
+
+
+@pytest.mark.parametrize(
+    ("way", "answer"), [("rescale fields", "protocol"), ("mirror field", "isolated")]
+)
+def test_what_only_quickens_an_agent_yields_to_the_default_cut_off(way: Any, answer: str) -> None:
+    """With as many turns as the environment gives by itself nothing is wrong with that agent."""
+    own = (("argument", "", "limit", ABSENT),)
+    default = IdealSubstitute("limit at its default", EVALUATION, (), own, cut_off="default")
+    undo = undone(BoundaryUndo(("ant_0",), way, amount=2.0))
+    for all_turns in (np.ones(64), np.zeros(64)):
+        arms = {one: np.ones(64) for one in over_undos([default, undo])}
+        arms[next(one for one in arms if one.cut_off)] = all_turns
+        found = judged(np.zeros(64), arms, rng=np.random.default_rng(0))
+        assert found.answer == (answer if all_turns.all() else "isolated")
 
 
 class Corridor(gk.TickEnv):

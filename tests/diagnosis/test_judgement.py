@@ -11,13 +11,15 @@ import pytest
 from gamekeeper.diagnosis.failure_causes import scope_answer
 from gamekeeper.diagnosis.judgement import (
     EITHER,
+    OR_KEPT,
     ScopeFinding,
     _labels,
     is_failing,
     judged,
     recovered,
 )
-from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined, over_undos, undone
+from gamekeeper.diagnosis.trials import MEMORY, POLICY, IdealSubstitute, joined, over_undos, undone
+from gamekeeper.diagnosis.undo_search import _kept
 from gamekeeper.diagnosis.undos import BoundaryUndo
 
 N = 64
@@ -151,6 +153,28 @@ def test_a_part_that_restores_less_than_the_whole_policy_has_no_label() -> None:
         answer = judged(share(0.0), {**arms, part: share(reached)}, rng=np.random.default_rng(0))
         assert (answer.answer, answer.labels) == ("isolated", labels)
     assert [one.shown for one in answer.substitutes] == ["a's policy"]
+
+
+@pytest.mark.parametrize(("alone", "expected"), [(0.2, "joint"), (0.55, "unexplained")])
+def test_an_undo_that_eases_what_another_undoes_blames_no_agent(
+    alone: float, expected: str
+) -> None:
+    """Two faults that hide each other: neither undo alone does most of what both do."""
+    undos = [undone(BoundaryUndo((a,), way)) for a, way in (("a", "mirror field"), ("b", "settle"))]
+    shares = {joined(undos): share(1.0), undos[0]: share(alone), undos[1]: share(0.0)}
+    assert judged(share(0.0), shares, rng=np.random.default_rng(0)).answer == expected
+
+
+def test_an_action_that_is_held_hides_what_a_policy_keeps() -> None:
+    """Where a reset of its memory restores too, it isn't shown to be one of timing."""
+    one = undone(BoundaryUndo(("a",), "hold", amount=4.0), open_as=OR_KEPT)
+    memory = IdealSubstitute("reset", MEMORY, ("a",), (("forgets", "a", "", True),))
+    arms = {one: share(1.0) for one in over_undos([memory, one])}
+    answer = judged(share(0.0), arms, rng=np.random.default_rng(0))
+    assert (answer.answer, answer.labels) == ("isolated", ())
+    assert "it is a's timing or what it keeps" in answer.why
+    experiment: Any = SimpleNamespace(finding=lambda scope: answer)
+    assert _kept(experiment, ["team"]) == {"a"}
 
 
 def test_a_pair_that_needs_less_goes_before_one_that_does_more() -> None:

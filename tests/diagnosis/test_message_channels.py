@@ -18,6 +18,7 @@ from gamekeeper.diagnosis.message_channels import (
     between,
     channels_of,
     deliveries,
+    sound_ways,
 )
 from gamekeeper.diagnosis.open_setup import Setup
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, over_undos, undone
@@ -106,6 +107,20 @@ def test_an_undo_of_messages_alone_is_told_from_one_of_anything_else() -> None:
     assert ends("y", "hold") == ()
     lossy = [MessageChannel("x", "y", (0,), (2,), is_whole=False)]
     assert between(BoundaryUndo(("y",), "hold", amount=4.0), lossy, axes) == ("x", "y")
+    late = [MessageChannel("x", "y", (0,), (2,), lag=lag) for lag in (1, 2)]
+    assert between(BoundaryUndo(("y",), "settle", amount=8.0), late[:1], axes) == ()
+    assert between(BoundaryUndo(("y",), "settle", amount=8.0), late, axes) == ("x", "y")
+
+
+def test_what_arrives_as_it_was_said_is_sound() -> None:
+    """Between two agents: all of it, at once or by the next decision."""
+    channels = [
+        MessageChannel("x", "y", (0,), (2,), is_equal=True, lag=1),
+        MessageChannel("x", "z", (0,), (2,), is_equal=True),
+        MessageChannel("x", "z", (1,), (3,)),
+        MessageChannel("y", "z", (0,), (1,), is_equal=True, lag=2),
+    ]
+    assert sound_ways(channels) == {("x", "y")}
 
 
 def answer(*substitutes: IdealSubstitute) -> ScopeFinding:

@@ -12,7 +12,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.cli._app import run_line
 from gamekeeper.cli.diagnose import diagnosis_code
-from gamekeeper.diagnosis.contradiction import contradictions
+from gamekeeper.diagnosis.contradictions import contradictions
 from gamekeeper.diagnosis.diagnosis_result import Tested as OneTest
 from gamekeeper.diagnosis.open_setup import setup_of
 from gamekeeper.episodes.evidence import Evidence

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 
-from gamekeeper.episodes.layout import Layout, group_names, role, spaces_json
+from gamekeeper.episodes.layout import Layout, agent_name, group_names, role, spaces_json
 from gamekeeper.episodes.spaces import Codec
 
 SMALL, WIDE, TALL = (Codec(Box(0, 1, shape, np.float32)) for shape in ((2,), (3,), (4,)))
@@ -105,3 +105,9 @@ def test_group_names_are_distinct() -> None:
     """An agent that has a prefix for its name doesn't take the group's."""
     groups = group_names([("a_0", SMALL), ("a", WIDE), ("b_0", TALL)])
     assert {"a_0", "a", "b"} == set(groups.values())
+
+
+@pytest.mark.parametrize(("agent", "name"), [("a", "a"), ("", '""'), (3, "3")])
+def test_agent_name_is_never_blank(agent: Any, name: str) -> None:
+    """What is no text, or an empty one, is named by its JSON."""
+    assert agent_name(agent) == name

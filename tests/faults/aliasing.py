@@ -110,6 +110,31 @@ class OneInfoForAll(Rovers):
         return *rest, dict.fromkeys(infos, info)
 
 
+# The array that all are given is the rules' own.
+@faulty("GK615", also=("GK611", "GK621"))
+class CellInInfos(Rovers):
+    """The infos of all rovers hold the array of batteries that the rules read.
+
+    One array is put into every info.
+    """
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Takes the batteries as they stand in the infos of the last step."""
+        if not self.agents:
+            return super().step(actions)
+        for place, agent in enumerate(self.possible_agents):
+            self.battery[agent] = int(self.levels[place])
+        *rest, infos = super().step(actions)
+        self.levels = np.array([self.battery[a] for a in self.possible_agents])
+        return *rest, {agent: {**info, "levels": self.levels} for agent, info in infos.items()}
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Fills the array."""
+        observations, infos = super().reset(seed, options)
+        self.levels = np.array([self.battery[a] for a in self.possible_agents])
+        return observations, infos
+
+
 # One array that is handed out to all, at every turn, is also written to.
 @faulty("GK620", also=("GK610", "GK614"))
 class LevelsAreSeen(Lanterns):

@@ -89,6 +89,20 @@ class ObserveDraws(Traders):
         return seen
 
 
+# last() looks too.
+@faulty("GK634", also=("GK635",))
+class EachLookDraws(Traders):
+    """observe() draws from the game's generator whoever looks.
+
+    Noise is drawn, and not used.
+    """
+
+    def observe(self, agent: str) -> Any:
+        """The purses, exactly."""
+        self.rng.random()
+        return super().observe(agent)
+
+
 # Who is asked twice in a turn tells a sum of rewards that isn't the sum.
 @faulty("GK635", also=("GK403",))
 class LastPaysOut(Traders):

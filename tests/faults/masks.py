@@ -37,6 +37,19 @@ class ShortMask(Tokens):
         return {**seen, "action_mask": seen["action_mask"][:-1]}
 
 
+@faulty("GK230")
+class LongMask(Tokens):
+    """The mask has one number more than there are actions, and than its space says.
+
+    A place for passing, which isn't an action.
+    """
+
+    def observe(self, agent: str) -> dict[str, Any]:
+        """With a place at the end."""
+        seen = super().observe(agent)
+        return {**seen, "action_mask": np.append(seen["action_mask"], np.int8(0))}
+
+
 @faulty("GK231")
 class BoolMask(Tokens):
     """Masks are bool, which no sample takes.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from gymnasium import spaces
 
-from tests.faults import faulty
+from tests.faults import clean, faulty
 from tests.faults.rovers import MOVES, Rovers
 
 
@@ -56,7 +57,43 @@ class NumberAndText(Rovers):
 
     def __init__(self, render_mode: str | None = None) -> None:
         super().__init__(count=2, render_mode=render_mode)
-        names: list[Any] = [1, "1"]
-        self._seen = dict(zip(names, self._seen.values(), strict=True))
-        self._done = dict(zip(names, self._done.values(), strict=True))
-        self.possible_agents = names
+        renamed(self, [1, "1"])
+
+
+class Rover:
+    """A rover that equals itself alone."""
+
+
+@dataclass(frozen=True)
+class NumberedRover:
+    """A rover that equals those of its number."""
+
+    number: int
+
+
+def renamed(env: Rovers, names: list[Any]) -> None:
+    """Gives the agents these names."""
+    env._seen = dict(zip(names, env._seen.values(), strict=True))
+    env._done = dict(zip(names, env._done.values(), strict=True))
+    env.possible_agents = names
+
+
+@faulty("GK902")
+class RoversAreObjects(Rovers):
+    """An agent of one instance is none of another one's.
+
+    Rovers that are called by themselves.
+    """
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        super().__init__(count=2, render_mode=render_mode)
+        renamed(self, [Rover(), Rover()])
+
+
+@clean()
+class RoversAreNumbered(Rovers):
+    """Agents are values that aren't texts."""
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        super().__init__(count=2, render_mode=render_mode)
+        renamed(self, [NumberedRover(1), NumberedRover(2)])

@@ -83,6 +83,25 @@ class NeverCleared(Traders):
             self._cumulative_rewards[agent] += told
 
 
+@faulty("GK404")
+class TwiceAtTimes(Traders):
+    """Each bid has its fee, and the rewards of each third round are accumulated twice.
+
+    A bonus round is booked again.
+    """
+
+    def step(self, action: Any) -> None:
+        """Takes the fee, and books the third round again."""
+        agent, rounds = self.agent_selection, self.round
+        super().step(action)
+        if action is None:
+            return
+        self.rewards[agent] -= 0.25
+        self._cumulative_rewards[agent] -= 0.25
+        if self.round % 3 == 2 and self.round > rounds:
+            self._accumulate_rewards()
+
+
 @faulty("GK405")
 class RewardsStand(Traders):
     """`rewards` isn't cleared: what a round paid is paid again with every bid of the next.

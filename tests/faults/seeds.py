@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -169,6 +170,28 @@ class GeneratorOfTheClass(Rovers):
     def rng(self, value: Any) -> None:
         if value is not None:
             GeneratorOfTheClass.shared = value
+
+
+DICE: ContextVar[Any] = ContextVar("dice")
+
+
+# A copy draws from the same generator, so the original goes on otherwise beside it.
+@faulty("GK607", also=("GK702",))
+class GeneratorOfTheModule(Rovers):
+    """The generator belongs to the module, so that all instances draw from it.
+
+    Whoever resets last has seeded for all.
+    """
+
+    @property
+    def rng(self) -> Any:
+        """The generator of everybody."""
+        return DICE.get(None)
+
+    @rng.setter
+    def rng(self, value: Any) -> None:
+        if value is not None:
+            DICE.set(value)
 
 
 @faulty("GK608")

@@ -147,6 +147,20 @@ class BelowZero(Rovers):
         return seen
 
 
+@faulty("GK214")
+class DebtIsSeen(Traders):
+    """All observe purses less the rent, below zero for who can't pay it.
+
+    In the own turn and in any other.
+    """
+
+    def observe(self, agent: str) -> Any:
+        """Purses of next round."""
+        seen = super().observe(agent)
+        seen[: self.count] -= np.float32(2 / 40)
+        return seen
+
+
 @faulty("GK215")
 class Lonely(Rovers):
     """The last rover observes NaN: the mean over no others.

@@ -35,12 +35,17 @@ def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -
 @pytest.mark.parametrize(
     ("name", "consequence", "cause"),
     [
+        ("AllPaid", "GK520", "GK106"),
+        ("CellInInfos", "GK621", "GK615"),
         ("CopyLosesAView", "GK703", "GK701"),
+        ("EachLookDraws", "GK635", "GK634"),
         ("FlagsStayUp", "GK523", "GK604"),
         ("InfosOfOneTrader", "GK527", "GK109"),
         ("GeneratorOfTheClass", "GK702", "GK607"),
+        ("GeneratorOfTheModule", "GK702", "GK607"),
         ("LevelsAreSeen", "GK620", "GK610"),
         ("NotRestored", "GK103", "GK604"),
+        ("OneListForGood", "GK604", "GK102"),
         ("PaidAfterEnd", "GK402", "GK106"),
         ("StateDraws", "GK814", "GK636"),
     ],

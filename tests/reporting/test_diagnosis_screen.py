@@ -27,7 +27,9 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     given = {"--policy": ["a=x", "b=y z"], "--seed": 3, "--env": None, "--allow-import": True}
     typed = diagnosis_screen({**document, "run": "runs/x"}, width=80, options=given)
     words = "--failed 'undelivered > 0' --policy a=x --policy 'b=y z'"
-    assert f"pivots runs/x --episode 0 {words} --allow-import   #" in typed
+    assert f"pivots runs/x --episode 0 {words} --allow-import   # a turn that saves it" in typed
+    document["fresh"]["team"]["failed"] -= 1
+    assert "# the turn that lost it" in diagnosis_screen({**document, "run": "x"}, width=80)
     assert f"diagnose runs/x {words} --seed 3 --allow-import --all" in typed
     assert "Others     receiver_0: no cause found in what was tried" in lines
     assert any(line.startswith("Effect     success rate from 0% to ") for line in lines)

@@ -84,3 +84,16 @@ def test_search_finds_by_title(words: str, found: str) -> None:
     ]
     assert found in pages
     assert "score + 100" in (BUILT / "_static" / "language_data.js").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["index", "learn", "report", "plots", "how-to/view"])
+def test_pictures_are_dark_on_a_dark_page(name: str) -> None:
+    """Each picture of a page or a plot that is shown in the light has one for the dark."""
+    text = (BUILT / f"{name}.html").read_text(encoding="utf-8")
+    found = {
+        scheme: re.findall(rf'<img[^>]*class="only-{scheme}"[^>]*/([\w-]+)-{scheme}\.png"', text)
+        for scheme in ("light", "dark")
+    }
+    assert found["light"]
+    assert found["light"] == found["dark"]
+    assert len(re.findall(r"/[\w-]+\.png", text)) == 2 * len(found["light"])

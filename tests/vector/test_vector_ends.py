@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gamekeeper.vector import make
+from gamekeeper.vector.wrappers import agent_id
 from tests.vector import worlds
 
 HERE = worlds.__file__
@@ -57,6 +58,22 @@ def test_others_go_on_where_that_is_asked() -> None:
         assert sorted(out[-1]["failed"]) == [0, 1]
         assert "signal 9" in out[-1]["failed"][0]
         assert not out[-1]["live"][:2].any()
+
+
+def test_copies_that_are_gone_show_nothing_through_a_wrapper() -> None:
+    """Not even the numbers of their agents, which are live no more and have never ended."""
+    inside = make("spread", 4, engine="process", workers=2, on_failure="go_on", copy=False)
+    with agent_id(inside) as venv:
+        venv.reset()
+        actions = np.zeros(venv.action_space.shape, np.int64)
+        seen, *_, infos = venv.step(actions)
+        os.kill(pids(inside)[0], signal.SIGKILL)
+        while "failed" not in infos:  # until the death is noticed
+            assert seen.any(-1).all()
+            seen, *_, infos = venv.step(actions)
+        assert sorted(infos["failed"]) == [0, 1]
+        assert not seen[:2].any()
+        assert seen[2:].any(-1).all()
 
 
 def test_closing_leaves_no_process() -> None:

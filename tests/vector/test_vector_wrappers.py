@@ -1,5 +1,7 @@
 """Wrappers of whole batches give what those of one environment give, in every sub-environment."""
 
+import importlib
+import sys
 from functools import partial
 from typing import Any
 
@@ -9,6 +11,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.errors import SpecError
 from gamekeeper.interface import wrappers as single
+from gamekeeper.kernels.scaled_rows import scaling
 from gamekeeper.vector import wrappers
 from tests.adapters.ledger import LedgerTicks, LedgerTurns
 
@@ -129,6 +132,50 @@ def test_statistics_are_those_of_the_decisions() -> None:
             np.testing.assert_allclose(found.var, expected.var, rtol=1e-9)
     again = single.Statistics.of_json(own.to_json())
     assert again.to_json() == own.to_json()
+
+
+@pytest.mark.parametrize("ends", ["one by one", "late"])
+def test_statistics_are_the_same_where_arrays_are_overwritten(ends: str) -> None:
+    """An agent that ends in a step decided before it, though it is no longer live then."""
+    found = []
+    for copy in (True, False):
+        statistics = single.Statistics()
+        venv = gk.vector.make(LedgerTicks, 3, seed=4, env_kwargs={"ends": ends}, copy=copy)
+        with wrappers.normalize(venv, statistics, learning=True) as learning:
+            learning.reset()
+            for _ in range(20):
+                learning.step(np.ones(learning.action_space.shape, np.float32))
+        found.append(statistics.to_json())
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("are_alike", [True, False])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_numbers_are_scaled_to_the_same_bits_in_one_pass(
+    are_alike: bool, dtype: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compiled or by NumPy: of many, none and not-numbers, of rows alike or each with its own."""
+    rng = np.random.default_rng(0)
+    for count in (0, 1, 7, 24):
+        rows = rng.normal(size=(count, 3, 5)).astype(dtype) * 9
+        rows[..., 0] = np.nan
+        mean, factor = rng.normal(size=(2, max(count, 1), 3, 5)).astype(dtype)
+        if are_alike:
+            mean[:], factor[:] = mean[0], factor[0]
+        found = []
+        for is_loaded in (True, False):
+            with monkeypatch.context() as patch:
+                if is_loaded:
+                    importlib.import_module("numba")
+                else:
+                    patch.delitem(sys.modules, "numba", raising=False)
+                out = np.full(rows.shape, 77, np.float32)
+                scaling(rows, mean, factor, 10.0, out, are_alike=are_alike)()
+            found.append(out)
+        np.testing.assert_array_equal(found[0].view(np.uint32), found[1].view(np.uint32))
+        np.testing.assert_allclose(
+            found[0], ((rows - mean[:count]) * factor[:count]).clip(-10, 10), rtol=1e-6
+        )
 
 
 def test_wrappers_go_around_kernels_and_roles() -> None:

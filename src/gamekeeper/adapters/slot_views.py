@@ -69,6 +69,7 @@ class SlotView:
         acting: [slot], slots that act in the next step.
         live: [slot], slots whose agents are live.
         are_all_live: all slots' agents are live.
+        are_all_acting: all slots act in the next step.
         masks: [slot, action], actions that each may take; ones where it doesn't act.
     """
 
@@ -77,7 +78,7 @@ class SlotView:
         self._name, self._places = learners.group.name, learners.places
         self._is_one = groups[0].name == ALL
         self._is_whole = self._is_one and learners.are_all
-        self.are_all_live = False
+        self.are_all_live = self.are_all_acting = False
         self.count = num_envs * len(learners)
         self.observation_space, self._key = bare_space(learners.group.observation_space)
         self.acting = np.zeros(self.count, bool)
@@ -94,8 +95,10 @@ class SlotView:
 
     def note_live(self, infos: Any) -> bool:
         """Notes which slots are live; returns True if all of them were before."""
-        were_all, live = self.are_all_live, self._of_group(infos["live"])[:, self._places]
-        self.are_all_live = bool(live.all())
+        were_all, live = self.are_all_live, self._of_group(infos["live"])
+        if not self._is_whole:
+            live = live[:, self._places]
+        self.are_all_live = np.count_nonzero(live) == self.count
         if not (were_all and self.are_all_live):
             self.live.reshape(live.shape)[...] = live
         return were_all
@@ -121,7 +124,13 @@ class SlotView:
             places = np.arange(len(self._learners.group.agents))[self._places]
             found = at(last, (rows, places[learners]))
             clear(found, rows < 0)
-        return {slot: changed(found, itemgetter(i)) for i, slot in enumerate(slots.tolist())}
+        rows = range(len(slots))
+        each = (
+            found
+            if isinstance(found, np.ndarray)
+            else (changed(found, itemgetter(i)) for i in rows)
+        )
+        return dict(zip(slots.tolist(), each, strict=True))
 
     def _of_group(self, part: Any) -> Any:
         return part if self._is_one else part[self._name]
@@ -140,6 +149,7 @@ class TickView(SlotView):
     def look(self, before: Any, obs: Any, infos: Any, over: Any) -> Any:
         """Looks as every view does; agents that aren't live are shown zeros."""
         were_all_live = self.note_live(infos)
+        self.are_all_acting = self.are_all_live
         if not (were_all_live and self.are_all_live):
             self.acting[...] = self.live
         found = changed(self._bare(self._of_group(obs)), self._rows)
@@ -168,6 +178,7 @@ class TurnView(SlotView):
         envs, slots = self._learners.in_turn(infos["turn"])
         self.acting.fill(False)
         self.acting[slots] = True
+        self.are_all_acting = len(slots) == self.count
         put(found, slots, changed(self._bare(self._of_group(obs)), lambda part: part[envs]))
         if self.masks.size:
             self.masks.fill(1)
@@ -356,10 +367,13 @@ class SlotActions:
             own = changed(actions, lambda part: np.asarray(part)[slots])
         else:
             index = slice(None), self._learners.places
-            lead = self._num_envs, len(self._learners)
-            own = changed(actions, lambda part: np.reshape(part, (*lead, *np.shape(part)[1:])))
+            own = changed(actions, self._by_env)
         if self._learners.are_all:
             return own
         put(self._joint[self._learners.group.name], index, own)
         self._others.act(self._joint, obs, infos)
         return self._joint.get(ALL, self._joint)
+
+    def _by_env(self, part: Any) -> Any:
+        array = np.asarray(part)
+        return array.reshape(self._num_envs, len(self._learners), *array.shape[1:])

@@ -38,6 +38,7 @@ class Step:
         rewards: of this step.
         terminated, truncated: slots that ended in it; one that left without an ending counts as
             terminated.
+        ended: either.
         final: by slot that ended, its last observation; zeros where its agent left without one.
         lengths, returns: by slot that ended, its decisions in the episode, and its return.
     """
@@ -46,6 +47,7 @@ class Step:
     rewards: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
+    ended: NDArray[np.bool_]
     final: Mapping[int, Any]
     lengths: Mapping[int, int]
     returns: Mapping[int, float]
@@ -70,6 +72,7 @@ class Slots:
         count: number of slots.
         observation_space, action_space: of a slot.
         acted: [slot], slots that acted in the last step.
+        have_all_acted: all of them did.
         acting: [slot], slots that act in the next one.
         masks: [slot, action], actions that each may take; ones where it doesn't matter.
         seed: of the run.
@@ -110,7 +113,7 @@ class Slots:
         self.action_space: spaces.Space[Any] = learners.group.action_space
         # the view's own arrays: it overwrites them at every step
         self.acting, self.masks = self._view.acting, self._view.masks
-        self.acted = np.zeros(self.count, bool)
+        self.acted, self.have_all_acted = np.zeros(self.count, bool), False
         self._lengths = np.zeros(self.count, np.int64)
         self._returns = np.zeros(self.count)
         self._seen: Any = None
@@ -129,7 +132,7 @@ class Slots:
         self._obs, self._infos = self.venv.reset(seed=self.seed)
         self._lengths[...] = 0
         self._returns[...] = 0.0
-        self.acted[...] = False
+        self.acted[...] = self.have_all_acted = False
         self._others.begin(range(self.venv.num_envs), self.seed, self._infos)
         self._seen = self._view.look(None, self._obs, self._infos, NO_ENVS)
         return self._seen
@@ -137,19 +140,20 @@ class Slots:
     def step(self, actions: Any) -> Step:
         """Steps every sub-environment; actions of slots that don't act are ignored."""
         view = self._view
+        have_all_acted = self.have_all_acted = view.are_all_acting
         self.acted[...] = self.acting
         joint = self._actions.joint(actions, self._obs, self._infos)
         self._obs, paid, *flags, infos = self.venv.step(joint)
         self._infos = infos
         rewards, terminated, truncated = (view.by_slot(part) for part in (paid, *flags))
         over = infos["over"].nonzero()[0]
-        self._lengths += self.acted
+        self._lengths += 1 if have_all_acted else self.acted
         self._returns += rewards
         ended = terminated | truncated
         self._others.begin(over, self.seed, infos)
         self._seen = view.look(self._seen, self._obs, infos, over)
-        if not ended.any():
-            return Step(self._seen, rewards, terminated, truncated, {}, {}, {})
+        if not np.count_nonzero(ended):
+            return Step(self._seen, rewards, terminated, truncated, ended, {}, {}, {})
         final = view.finals(ended.nonzero()[0], infos)
         slots = list(final)
         lengths = dict(zip(slots, self._lengths[slots].tolist(), strict=True))
@@ -157,7 +161,7 @@ class Slots:
         for counts in (self._lengths, self._returns):
             counts[slots] = 0
             counts.reshape(self.venv.num_envs, -1)[over] = 0
-        return Step(self._seen, rewards, terminated, truncated, final, lengths, returns)
+        return Step(self._seen, rewards, terminated, truncated, ended, final, lengths, returns)
 
     def close(self) -> None:
         """Closes every sub-environment."""

@@ -114,6 +114,18 @@ class Confirmation:
             self._seen[program] = all(set(ends) == {"passed"} for ends in self._rounds(program))
         return self._seen[program]
 
+    def passes_held(self, each: Programs, holds: Sequence[Hold]) -> bool:
+        """Tells whether a finding's program passes once causes are held still.
+
+        Where the whole episode raises then, as its actions are of another game, the shortest does.
+        """
+        whole, shortest = each.whole, each.finding.reproducer
+        for hold in holds:
+            whole, shortest = held_still(whole, hold), held_still(shortest, hold)
+        if self.passes(whole):
+            return True
+        return self._raised[whole] != "" and whole != shortest and self.passes(shortest)
+
     def _rounds(self, program: str) -> Iterator[list[ProgramEnd]]:
         """Ends of processes, those beside each other together; what time cuts off tells nothing."""
         for start in range(0, len(self.workers), AT_ONCE):
@@ -306,10 +318,9 @@ def _cause_of(
         if not compares and id not in hold.consequences:
             continue
         for below in (None, *(general if id in hold.consequences else ())):
-            wholes = [each.whole for each in programs]
-            if below is not None and below is not hold:  # what else differs by itself
-                wholes = [held_still(whole, below) for whole in wholes]
-            if all(work.passes(held_still(whole, hold)) for whole in wholes):
+            # below: what else differs by itself
+            holds = [below, hold] if below is not None and below is not hold else [hold]
+            if all(work.passes_held(each, holds) for each in programs):
                 return FollowsFrom(cause, hold.words)
     return _of_several(programs, known, work) if compares else None
 

@@ -6,8 +6,10 @@ from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from gamekeeper.auditing.agent_places import are_found_by_place
+from gamekeeper.auditing.class_state import ClassState
 from gamekeeper.auditing.evidence_memory import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
-from gamekeeper.auditing.holds import ClassState, still_entropy
+from gamekeeper.auditing.holds import still_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
 from gamekeeper.checks.paired_episodes import differs_by_itself
@@ -113,6 +115,7 @@ def session_of(
         seed=seed + 1,
         ration=budget,
         meter=Meter(beat=beat),
+        by_place=are_found_by_place(opened),
     )
 
 

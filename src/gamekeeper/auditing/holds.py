@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.auditing.class_state import kept_by_classes, put_back
 from gamekeeper.checks.reproducer_source import text_of
 
 MAKE: Final = "\ndef make():\n"
@@ -25,11 +26,12 @@ SEED: Final = "\nSEED = "
 
 
 def with_class(env: Any, **methods: Any) -> Any:
-    """The environment, its class replaced by one with these methods in front of its own."""
-    cls = type(env)
-    held = type(f"Held{cls.__name__}", (cls,), {**methods, "__module__": "__main__"})
-    sys.modules["__main__"].__dict__[held.__name__] = held  # by which pickle finds it
-    env.__class__ = held
+    """The environment, with these methods in front: of one class for all, or pickle takes none."""
+    cls, main = type(env), vars(sys.modules["__main__"])
+    name, made_of = f"Held{cls.__name__}", (cls, [each.__code__ for each in methods.values()])
+    if getattr(main.get(name), "made_of", None) != made_of:
+        main[name] = type(name, (cls,), {**methods, "made_of": made_of, "__module__": "__main__"})
+    env.__class__ = main[name]
     return env
 
 
@@ -265,7 +267,9 @@ def observations_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Copies each observation before it is handed out."""
 
     def changed(env: Any, out: Any, before: Any) -> Any:
-        return out if out is None else (copy.deepcopy(out[0]), *out[1:])
+        if out is None:
+            return out
+        return ({agent: copy.deepcopy(each) for agent, each in out[0].items()}, *out[1:])
 
     return with_methods(
         _with_outputs(make, changed),
@@ -353,6 +357,12 @@ def names_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def rosters_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Names all possible agents again before each reset, in a list of their own."""
+    names = list(make().possible_agents)
+    return before_resets(make, lambda env: setattr(env, "possible_agents", list(names)))
+
+
 def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Takes agents that have ended out of `agents`; without agents nothing is played on."""
 
@@ -389,19 +399,22 @@ def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def missing_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Gives each agent in the game the entries of rewards, flags and infos that it lacks."""
+    """Gives each agent in the game the entries of rewards, flags and infos that it lacks.
+
+    So it does in a Parallel environment for one that the step takes out.
+    """
     names = "rewards", "terminations", "truncations", "infos", "_cumulative_rewards"
     values: Any = 0.0, False, False, {}, 0.0
 
     def changed(env: Any, out: Any, before: Any) -> Any:
         if isinstance(out, tuple) and len(out) == 5:
-            books = list(out[1:])
+            books, agents = list(out[1:]), (*env.agents, *before)
         elif hasattr(type(env), "agent_iter"):
-            books = [env.__dict__.setdefault(name, {}) for name in names]
+            books, agents = [env.__dict__.setdefault(name, {}) for name in names], env.agents
         else:
-            books = []
+            return out
         for book, value in zip(books, values, strict=False):
-            for agent in env.agents:
+            for agent in agents:
                 book.setdefault(agent, copy.copy(value))
         return out
 
@@ -421,21 +434,6 @@ def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
-def kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
-    """Values that classes of an environment and its wrappers keep: owner, attribute, value."""
-    kinds = dict, list, set, np.ndarray, np.random.Generator, np.random.RandomState, random.Random
-    while env is not None:
-        for cls in type(env).__mro__:
-            for name, value in list(vars(cls).items()):
-                if inspect.isfunction(value):
-                    if any(isinstance(each, kinds) for each in value.__defaults__ or ()):
-                        yield value, "__defaults__", value.__defaults__
-                elif isinstance(value, kinds) and not name.startswith("__"):
-                    yield cls, name, value
-        inside = getattr(env, "__dict__", {})
-        env = next((inside[name] for name in ("env", "aec_env", "par_env") if name in inside), None)
-
-
 def actions_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Hands a copy of each action to step."""
 
@@ -451,7 +449,7 @@ def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
     def put(kept: Any) -> None:
         for (owner, name), value in kept.items():
-            setattr(owner, name, value)
+            put_back(owner, name, value)
 
     def kept_of(env: Any) -> dict[Any, Any]:
         return {(owner, name): value for owner, name, value in kept_by_classes(env)}
@@ -493,26 +491,6 @@ def still_entropy() -> Iterator[None]:
         put_back()
 
 
-class ClassState:
-    """Attributes of the classes of an environment and its wrappers, as before any play.
-
-    Default arguments of their functions are among them.
-    """
-
-    __slots__ = ("_values",)
-
-    def __init__(self, env: Any) -> None:
-        self._values: list[tuple[Any, str, Any]] = []
-        for owner, name, value in kept_by_classes(env):
-            with contextlib.suppress(Exception):  # what can't be copied stays as it is
-                self._values.append((owner, name, copy.deepcopy(value)))
-
-    def restore(self) -> None:
-        """Puts copies of it back."""
-        for owner, name, value in self._values:
-            setattr(owner, name, copy.deepcopy(value))
-
-
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Holds one kind of cause still.
@@ -546,7 +524,11 @@ INSTANCES: Final = Hold(
 CLASSES: Final = Hold(
     "a copy of what the class keeps for each instance", classes_held, ("GK701", "GK702", "GK703")
 )
-READINGS: Final = Hold("state() and render() called on a copy", readings_held, ("GK805", "GK814"))
+READINGS: Final = Hold(
+    "state() and render() called on a copy", readings_held, ("GK604", "GK607", "GK805", "GK814")
+)
+OBSERVATIONS: Final = Hold("observations copied", observations_held, ("GK614", "GK620", "GK624"))
+INFOS: Final = Hold("infos copied", infos_held, ("GK621", "GK624"))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same episode differs by itself, so that another fault in it can be shown."""
@@ -559,25 +541,29 @@ HOLDS: Final = {
     "GK638": SPACES,
     "GK601": GENERATORS,
     "GK605": ENTROPY,
+    "GK636": READINGS,
+    "GK637": READINGS,
+    "GK814": READINGS,
+    "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
+    "GK102": Hold("possible_agents named anew", rosters_held, ("GK103",), is_general=True),
     "GK606": INSTANCES,
     "GK604": INSTANCES,
     "GK634": Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True),
     "GK607": CLASSES,
     "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
-    "GK610": Hold("observations handed out as copies", observations_held, ("GK620", "GK624")),
-    "GK611": Hold("infos handed out as copies", infos_held, ("GK621", "GK624")),
-    "GK612": Hold("what state() gives copied", state_held, ("GK622",)),
-    "GK636": READINGS,
-    "GK637": READINGS,
+    "GK610": OBSERVATIONS,
+    "GK614": OBSERVATIONS,
+    "GK611": INFOS,
+    "GK615": INFOS,
+    "GK612": Hold("results of state() copied", state_held, ("GK622",)),
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
-    "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
-    "GK107": Hold("entries that live agents lack added", missing_held, ("GK221", "GK403", "GK527")),
-    "GK109": Hold("entries that live agents lack added", missing_held, ("GK527",)),
+    "GK107": Hold("missing entries added", missing_held, ("GK108", "GK221", "GK403", "GK527")),
+    "GK109": Hold("missing entries added", missing_held, ("GK527",)),
     "GK106": Hold(
         "entries of agents that aren't live deleted",
         entries_held,
-        ("GK221", "GK402", "GK403", "GK407", "GK527"),
+        ("GK221", "GK402", "GK403", "GK407", "GK520", "GK527"),
     ),
     "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),
 }

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Final, TypeAlias
 
-from gamekeeper.auditing.holds import ClassState
+from gamekeeper.auditing.agent_places import actions_by_place
+from gamekeeper.auditing.class_state import ClassState
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
 from gamekeeper.contract import Contract
@@ -112,6 +113,7 @@ class ProbeSession:
         instance. workers: processes that play elsewhere, by their hash seed; all probes share them.
         unlike: the first episode that another probe saw differ in an instance that had played it;
             all probes share it.
+        by_place: agents are no values, so that scripted actions find them by their place alone.
     """
 
     probe: str
@@ -130,6 +132,7 @@ class ProbeSession:
     class_state: ClassState | None = None
     workers: dict[int, WarmWorker] = field(default_factory=dict)
     unlike: list[EpisodePlan] = field(default_factory=list)
+    by_place: bool = False
     _made: list[Any] = field(default_factory=list)
 
     @property
@@ -153,6 +156,7 @@ class ProbeSession:
             env = open_env(self.spec, **{**self.kwargs, **kwargs}).env
         else:
             env = self.opened.make(**kwargs)
+        env = actions_by_place(lambda: env)() if self.by_place else env
         self._made.append(env)
         return env
 

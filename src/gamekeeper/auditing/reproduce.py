@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any, Final
 
+from gamekeeper.auditing.agent_places import PLACES
 from gamekeeper.auditing.confirm import Programs
 from gamekeeper.auditing.gather import OF_ENTROPY, OF_SHARING, Gathering, look_once
 from gamekeeper.auditing.holds import CLASSES, ENTROPY, held_still
@@ -69,7 +70,7 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
     proof = Reproducer(case.proof) if isinstance(case.proof, str) else case.proof
     expected, actual = words(case.expected), words(case.actual)
     session = reproduction.gathering.session
-    name, holds = case.where.probe, []
+    name, holds = case.where.probe, [PLACES] * session.by_place
     if proof is not None and proof.compares:
         holds += [ENTROPY] * (session.holds_entropy and name not in OF_ENTROPY)
         holds += [CLASSES] * (reproduction.gathering.is_shared and name not in OF_SHARING)

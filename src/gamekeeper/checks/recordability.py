@@ -46,25 +46,40 @@ NAMES_PROOF = (
     "names = [str(agent) for agent in dict.fromkeys([*env.possible_agents, *env.agents])]\n"
     "assert len(set(names)) == len(names), names\nassert all(names), names"
 )
+VALUES_PROOF = Reproducer(
+    """\
+env = make()
+env.reset(seed=SEED)
+agents = list(env.agents)
+assert copy.deepcopy(agents) == agents, agents""",
+    plays=False,
+    imports=("copy",),
+)
 
 
 @check("GK902", MEDIUM, "evidence")
 def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Agents' names differ as text, and none is empty.
+    """Agents' names are values that differ as text, and none is empty.
 
     Tables, files and most trainers know agents by their text; the int 1 and the text "1" become
-    one. Agents that aren't texts are fine as long as their texts differ.
+    one. Agents that aren't texts are fine as long as their texts differ and each equals a copy of
+    itself: an object that is equal to itself alone is another agent in every instance, in worker
+    processes, and after a reset that makes it anew.
 
     Bad:
         self.possible_agents = [1, "1"]
+        self.agents = [Ant() for _ in range(2)]
 
     Good:
         self.possible_agents = ["player_1", "judge_1"]
 
-    Fix: give every agent a name of its own, as text
+    Fix: give every agent a name of its own, as text, and keep what belongs to it by that name
     """
     for fact in evidence.facts(AgentNames):
         counted = Counter(text for text, _ in fact.value.names)
         alike = [text for text, count in counted.items() if count > 1 or not text]
         seen = alike or list(counted)
         yield Case(fact.where, not alike, "texts that differ", seen, proof=NAMES_PROOF)
+        single = fact.value.no_values
+        expected = "agents that equal their copies"
+        yield Case(fact.where, not single, expected, single or "they do", proof=VALUES_PROOF)

@@ -61,11 +61,17 @@ def agent_answer(
         tuple(one.name for one in finding.beside if agent is None or agent in one.agents),
     )
     concerned = {a for substitute in finding.substitutes for a in substitute.concerned}
+    concerned -= experiment.acquitted
     if agent is None or finding.answer not in CAUSES or not concerned:
         return found
     if agent in concerned:
         return _own_part(agent, found, finding)
     names = ", ".join(substitute.name for substitute in finding.substitutes)
+    if agent in experiment.acquitted:
+        why = f"with another policy in its place it fails as well, and {names} restores success"
+        return dataclasses.replace(
+            found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
+        )
     helps = [one.substitute for one in mine if _helps_alone(one, concerned)]
     if helps:
         return _not_acquitted(found, helps, names, "helps beyond chance too")

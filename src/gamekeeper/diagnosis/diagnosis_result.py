@@ -6,7 +6,7 @@ from html import escape
 from typing import Any, Self
 
 from gamekeeper.diagnosis.arms import RaisedPolicy
-from gamekeeper.diagnosis.contradiction import Contradiction
+from gamekeeper.diagnosis.contradictions import Contradiction
 from gamekeeper.diagnosis.judgement import CAUSES, Answer
 from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.diagnosis.response_tests import ResponseTest

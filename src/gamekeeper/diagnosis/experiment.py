@@ -77,6 +77,8 @@ class Experiment:
         dropped: number of those that the search dropped.
         idle: number of memory resets that the search dropped.
         paired: number of pairs of undos that were tried.
+        acquitted: agents with another policy in whose place the same undo is needed.
+        sound_ways: speakers and listeners whose messages arrive as they are said.
         rivals: those that restored in the search, and weren't confirmed for want of budget.
         recordings: episodes of each arm that are recorded into a run.
         early_cut: the turn at which every failed recorded episode was truncated, if that is before
@@ -102,6 +104,8 @@ class Experiment:
     dropped: int = 0
     idle: int = 0
     paired: int = 0
+    acquitted: set[str] = field(default_factory=set)
+    sound_ways: frozenset[tuple[str, str]] = frozenset()
     rivals: list[IdealSubstitute] = field(default_factory=list)
     skipped: list[IdealSubstitute] = field(default_factory=list)
     not_played: list[str] = field(default_factory=list)
@@ -370,7 +374,7 @@ class Experiment:
         unchanged = self.successes(UNCHANGED, seed, n, scope)
         played = [one for one in (*self.substitutes, *self.pairs) if self._is_played(one.name)]
         undos = [
-            one
+            self._told(one)
             for one in self.undos
             if self._is_played(one.name) and not self.is_at_cost(one, seed, range(n), scope)
         ]
@@ -392,10 +396,17 @@ class Experiment:
             limit=self.runner.limit,
             dropped=self.dropped + self.idle,
             paired=self.paired,
+            acquitted=self.acquitted,
             rng=np.random.default_rng([11, self.seed]),
         )
         found = replace(found, rivals=tuple(self.rivals))
         return cut_early(found, self.early_cut, self.contract.schedule.horizon)
+
+    def _told(self, one: IdealSubstitute) -> IdealSubstitute:
+        """The same; of messages only one side's where the other is acquitted, and their way."""
+        speaker, *others = one.between or ("",)
+        is_sound = {(speaker, other) for other in others} <= self.sound_ways
+        return replace(one, between=()) if is_sound and self.acquitted & {*one.between} else one
 
     def is_at_cost(
         self, one: IdealSubstitute, run_seed: int, episodes: Sequence[int], scope: str
@@ -529,7 +540,10 @@ class Experiment:
         """Some ideal substitute is so near the threshold that more episodes would tell."""
         for scope in self.scopes:
             finding = self.finding(scope)
-            near = any(abs(one.recovered - self.part) < NEAR for one in finding.tried)
+            near = any(
+                abs(one.recovered - self.part) < NEAR and one.substitute.cut_off != "later"
+                for one in finding.tried  # a later cut-off yields to whatever else restores
+            )
             if near and finding.answer in ("ambiguous", "joint", "unexplained"):
                 return self._is_failing(scope)
         return False

@@ -13,7 +13,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.agent_answers import agent_answer
 from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder
-from gamekeeper.diagnosis.contradiction import Contradiction, contradictions
+from gamekeeper.diagnosis.contradictions import Contradiction, contradictions
 from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
 from gamekeeper.diagnosis.cut_offs import cuts_of, early_cut
 from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions

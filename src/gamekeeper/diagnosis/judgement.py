@@ -40,12 +40,17 @@ Successes = NDArray[np.float64]
 
 EITHER: Final = f"{PERCEPTION} or {CONTROL}"
 OR_DRAWN: Final = f"{TIMING} or what it draws"
+OR_KEPT: Final = f"{TIMING} or what it keeps"
 """Places of a fault that are shown where an undo leaves its label open."""
+HIDDEN: Final = {OR_DRAWN: "draws", OR_KEPT: "what is kept between turns"}
 ALPHA: Final = 0.05
 EXPECTED: Final = 0.9
 """The share of episodes that succeed where nothing is wrong, unless told otherwise."""
 PART: Final = 0.7
 """An ideal substitute restores where it closes this part of the gap to the expected share."""
+
+EASED: Final = 0.5
+"""The part of the gap above which one undo of a pair is no fault that the other one hides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +120,7 @@ def judged(
     dropped: int = 0,
     paired: int = 0,
     least: Collection[str] = (),
+    acquitted: Collection[str] = (),
     rng: Generator,
 ) -> ScopeFinding:
     """The answer that fresh seeds give.
@@ -131,6 +137,7 @@ def judged(
         paired: pairs of undos that the search tried.
         least: names of groups of which nothing can be left out; such a group goes before a part of
             it that it beats beyond chance.
+        acquitted: agents whose undos show no fault of theirs.
         rng: for intervals that are drawn.
     """
     answer: Answer
@@ -149,9 +156,12 @@ def judged(
     best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
     # The smallest answer goes first: one substitute; a pair that beats both of its parts; all at
     # once.
+    best = [one for one in best if not _is_cleared(one.substitute, acquitted)]
+    best = [one for one in best if not _is_eased(one, tried)]
     singles = [one for one in best if not _is_of_several(one.substitute)]
     if singles:
-        return _beside_policies(_of_singles(singles, tried, success, skipped), arms, rng)
+        found = _of_singles(singles, tried, success, skipped, acquitted)
+        return _beside_policies(found, arms, rng)
     better = [one for one in best if _beats_its_parts(one, arms, rng)]
     if better:
         return _of_pairs(better, tried, success)
@@ -174,6 +184,16 @@ def judged(
     why += f", nor do {paired} pairs of changes at two agents" if paired else ""
     answer = "unexplained" if arms or dropped else "not_tried"
     return ScopeFinding(answer, (), (), tried, success, why)
+
+
+def _is_eased(pair: Tried, tried: Sequence[Tried]) -> bool:
+    """One undo of a pair does most of what both do: the other may only make up for the rest."""
+    parts = {part.name for part in pair.substitute.parts} if pair.substitute.is_pair else ()
+    return any(one.substitute.name in parts and one.recovered > EASED for one in tried)
+
+
+def _is_cleared(one: IdealSubstitute, acquitted: Collection[str]) -> bool:
+    return one.undo is not None and bool(one.agents) and {*one.agents} <= {*acquitted}
 
 
 def _is_of_several(one: IdealSubstitute) -> bool:
@@ -323,13 +343,14 @@ def _of_singles(
     tried: tuple[Tried, ...],
     success: tuple[float, float, float],
     skipped: Sequence[IdealSubstitute],
+    acquitted: Collection[str],
 ) -> ScopeFinding:
     substitutes = _at_both(_with_peers([one.substitute for one in least], tried))
     # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     answer, why = _answer_of(substitutes, rivals, tried)
     if answer == "isolated":
-        ties = _ties(least, tried)
+        ties = [one for one in _ties(least, tried) if not _is_cleared(one, acquitted)]
         names = " and by ".join(one.name for one in ties)
         why += f"; as much changes by {names}, not yet beyond chance" if ties else ""
         answer, substitutes = "ambiguous" if ties else answer, (*substitutes, *ties)
@@ -440,8 +461,8 @@ def _undone_by(substitutes: Sequence[IdealSubstitute]) -> str:
             f"{why}: as several exchanges of one field do alike, none is shown to be taken for "
             "another; what its policy does with that field may be wrong"
         )
-    if substitutes[0].open_as == OR_DRAWN:
-        return f"{why}: it is {substitutes[0].shown}; an action that is held also hides draws"
+    if (hidden := HIDDEN.get(substitutes[0].open_as)) is not None:
+        return f"{why}: it is {substitutes[0].shown}; an action that is held also hides {hidden}"
     if substitutes[0].open_as == POLICY:
         return f"{why}, as it reacts to nothing without; which part of it can't be told apart"
     if substitutes[0].open_as:

@@ -241,6 +241,14 @@ def _is_lossy(said: Series, heard: Series, same: Any, *, is_whole_number: bool) 
     return int(arrived.sum()) >= 5 and len(kinds) > 1 and float(same[arrived].mean()) >= FOLLOWS
 
 
+def sound_ways(channels: Sequence[MessageChannel]) -> frozenset[tuple[str, str]]:
+    """Speakers and listeners between whom all that is said arrives as it was said."""
+    sound = [one.is_equal and one.is_whole and one.lag <= ORDER for one in channels]
+    ways = [(one.source, one.to) for one in channels]
+    unsound = {way for way, is_sound in zip(ways, sound, strict=True) if not is_sound}
+    return frozenset(ways) - unsound
+
+
 def deliveries(channels: Sequence[MessageChannel]) -> list[BoundaryUndo]:
     """Undos of messages that are late or lost: the listener is given what was said last."""
     joined: dict[tuple[str, str], list[tuple[int, int]]] = defaultdict(list)
@@ -289,6 +297,6 @@ def between(
         if listeners and touched <= said:
             return (agent, *dict.fromkeys(listeners))
     if undo.component == "timing":  # an agent that acts on the last message outlasts a gap
-        late = [one for one in channels if one.to == agent and (one.lag or not one.is_whole)]
+        late = [x for x in channels if x.to == agent and (x.lag > ORDER or not x.is_whole)]
         return (late[0].source, agent) if late else ()
     return ()

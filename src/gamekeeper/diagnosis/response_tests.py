@@ -4,6 +4,7 @@ Nothing is declared and no environment steps: what an agent was given is given t
 with one field changed at one decision, and the first and the last action that differ are noted.
 """
 
+import copy
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -388,6 +389,15 @@ def responses_of(
                 rng=np.random.default_rng([13, seed]),
             )
     return found
+
+
+def actions_fed(open_setup: OpenSetup, agent: str, feeds: Iterable[Feed]) -> list[list[Any]]:
+    """Actions that an agent's policy chooses when it is given feeds; equal for equal actions."""
+    player = open_setup.joint_policy.apart
+    rng = policy_rng(0, 0, "feeds")  # the same for each agent
+    return _keys(
+        [_fed(lambda stream: player(agent, copy.deepcopy(rng)), feed, 0) for feed in feeds]
+    )
 
 
 def _fresh(open_setup: OpenSetup, agent: str, seed: int) -> FreshPlayer:

@@ -37,6 +37,8 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
+TUNES: Final = ("rescale", "normalize", "shift", "settle", "hold")
+"""First words of undos that may quicken an agent with which nothing is wrong."""
 SHIFTS: Final = ("shift field", "shift axis", "shift values")
 PIXELS: Final = 255.0
 """A factor of an observation that is one of units, of pixels."""
@@ -97,6 +99,14 @@ class IdealSubstitute:
         undo = self.undo
         is_all = undo is not None and undo.way == "rescale fields" and not undo.places
         return undo is not None and is_all and 1 < undo.amount < PIXELS
+
+    @property
+    def is_tuning(self) -> bool:
+        """Tells whether it may quicken an agent that has no fault: by a scale, a constant, a call.
+
+        One of these shows nothing where the environment's own cut-off is late enough.
+        """
+        return self.undo is not None and self.undo.way.startswith(TUNES)
 
     @property
     def is_offset(self) -> bool:
@@ -308,7 +318,7 @@ def peers_of(
     contract nor names join with any other are peers where `env` gives them equal spaces.
     """
     groups: dict[tuple[str, str], list[IdealSubstitute]] = {}
-    roles = _roles_of(contract, agents, env)
+    roles = roles_of(contract, agents, env)
     for agent in agents:
         own = setup.policy_of(agent, contract)
         others = {
@@ -326,7 +336,7 @@ def peers_of(
             yield joined(swaps, f"giving {names} {peer}'s policy")
 
 
-def _roles_of(contract: Contract, agents: Sequence[str], env: object) -> dict[str, str]:
+def roles_of(contract: Contract, agents: Sequence[str], env: object) -> dict[str, str]:
     """Role of each agent; of one that is alone in its, that of the first such with its spaces."""
     roles = {agent: contract.role_of(agent) or role_in_name(agent) for agent in agents}
     size = Counter(roles.values())
@@ -443,15 +453,21 @@ def undone(
 def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
     """Yields substitutes; a whole policy makes up for its memory and undos, a memory for lags.
 
-    A cut-off that comes later makes up for anything that is slow, the default one among them.
+    A cut-off that comes later makes up for anything that is slow, the default one among them. What
+    only quickens an agent makes up for a cut-off before the default one.
     """
+    quicker = {one.name for one in substitutes if one.is_tuning}
+    defaults = {one.name for one in substitutes if one.cut_off == "default"}
     everything = frozenset(one.name for one in substitutes)
     undos = [o for o in substitutes if o.undo is not None or o.component in (MEMORY, CARRIED)]
     for one in substitutes:
         if one.cut_off in ("default", "later"):
             later = {each.name for each in substitutes if each.cut_off == "later"}
-            longer = later if one.cut_off == "default" else set()
+            longer = later | quicker if one.cut_off == "default" else set()
             yield replace(one, contains=everything - {one.name} - longer)
+            continue
+        if one.name in quicker:
+            yield replace(one, contains=one.contains | defaults)
             continue
         parts = one.component.split(" + ")
         within = [u for u in undos if set(u.agents) <= set(one.agents)]

@@ -19,6 +19,8 @@ from gamekeeper.rollouts.interventions.perturbation import action_space, observa
 
 MOST_FIELDS: Final = 40
 """Fields of an observation up to which single ones and pairs of them are tried."""
+MOST_UNLIKE: Final = 8
+"""Fields of an observation up to which any two are exchanged; of more, neighbours and equals."""
 MOST_SCALED: Final = 1_000
 """Fields of an observation up to which it is rescaled."""
 MOST_VALUES: Final = 10
@@ -60,7 +62,8 @@ def observation_undos(
         for two in shown[at + 1 :]:
             apart = two.place - one.place
             is_alike = (one.low, one.high) == (two.low, two.high)
-            is_close = apart == 1 and one.part.space.dtype == two.part.space.dtype
+            is_near = apart == 1 or len(shown) <= MOST_UNLIKE
+            is_close = is_near and one.part.space.dtype == two.part.space.dtype
             if {one.name, two.name} <= deaf or not (is_alike or is_close):
                 continue
             pair = BoundaryUndo(

@@ -4,8 +4,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, islice, pairwise, product
 from typing import Any, Final
 
+from gamekeeper.diagnosis.acquittals import acquit
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
-from gamekeeper.diagnosis.judgement import EITHER, OR_DRAWN, SCALES, ScopeFinding, is_failing
+from gamekeeper.diagnosis.judgement import (
+    EITHER,
+    OR_DRAWN,
+    OR_KEPT,
+    SCALES,
+    ScopeFinding,
+    is_failing,
+)
 from gamekeeper.diagnosis.message_channels import (
     MOST_AGENTS,
     PROBED,
@@ -13,10 +21,20 @@ from gamekeeper.diagnosis.message_channels import (
     between,
     channels_of,
     deliveries,
+    sound_ways,
 )
 from gamekeeper.diagnosis.open_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest, feed_of, responses_of
-from gamekeeper.diagnosis.trials import CARRIED, POLICY, IdealSubstitute, joined, peers_of, undone
+from gamekeeper.diagnosis.trials import (
+    CARRIED,
+    MEMORY,
+    POLICY,
+    IdealSubstitute,
+    joined,
+    peers_of,
+    roles_of,
+    undone,
+)
 from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either, is_unmoved
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
@@ -72,6 +90,8 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         named = [agent_name(agent) for agent in getattr(open_setup.env, "possible_agents", ())]
         agents = _suspects(experiment, scopes, named)
         responses = responses_of(open_setup, fed, named, seed=experiment.seed)
+        feeds = {agent: [feed_of(episode, agent) for episode in fed] for agent in named}
+        roles = roles_of(experiment.contract, named, open_setup.env)
         peers = [
             one
             for one in peers_of(experiment.setup, experiment.contract, named, open_setup.env)
@@ -89,6 +109,9 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         open_as = {undo: EITHER for undo in undos if is_either(open_setup, undo)}
         held = (undo for undo in undos if undo.way == "hold" and _draws(undo.agents, responses))
         open_as |= dict.fromkeys(held, OR_DRAWN)
+        kept = _kept(experiment, scopes)
+        held = (undo for undo in undos if undo.way == "hold" and {*undo.agents} & kept)
+        open_as |= dict.fromkeys(held, OR_KEPT)
         woken = (
             undo for undo in undos if undo.way in SCALES and is_unmoved(undo.agents, responses)
         )
@@ -108,6 +131,8 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     search(experiment, candidates, failing, scopes)
     if all(experiment.finding(each).answer in NONE for each in scopes):
         search_pairs(experiment, touched, failing, scopes, aside=ASIDE)
+    experiment.sound_ways = sound_ways(channels)
+    acquit(experiment, [*experiment.substitutes, *peers], feeds, roles, failing, scopes)
     return responses
 
 
@@ -115,6 +140,13 @@ def _draws(agents: Iterable[str], responses: Mapping[str, ResponseTest]) -> bool
     """Tells whether a policy of these agents draws its actions."""
     known = [responses[agent] for agent in agents if agent in responses]
     return any(each.randomness >= DRAWN for each in known)
+
+
+def _kept(experiment: Experiment, scopes: Sequence[str]) -> set[str]:
+    """Agents for which something that they keep between turns restores once it is reset."""
+    tried = [one for scope in scopes for one in experiment.finding(scope).tried if one.restores]
+    resets = [one.substitute for one in tried if one.substitute.component == MEMORY]
+    return {agent for one in resets for agent in one.agents}
 
 
 def _seen(episodes: Sequence[Episode], agents: Sequence[str]) -> dict[str, list[Any]]:
@@ -250,16 +282,17 @@ def _beside(
 
 
 def _with_parts(experiment: Experiment, pool: Sequence[IdealSubstitute]) -> list[IdealSubstitute]:
-    """The same, with each of two fresh objects alone: both are joint only where neither restores.
+    """The same, with each part of several at once: they are joint only where no part restores.
 
-    Two of which that can't be afforded aren't confirmed.
+    Two fresh objects of which that can't be afforded aren't confirmed.
     """
     renewed = {part for one in experiment.renewals for part in one.parts}
-    parts = [part for one in pool for part in one.parts if part in renewed]
-    parts = [part for part in dict.fromkeys(parts) if part not in pool]
+    parts = dict.fromkeys(part for one in pool for part in one.parts if part not in pool)
     if experiment.confirm * (len(pool) + len(parts)) <= experiment.runner.left - ASIDE:
+        both = [one for one in pool if one.component == POLICY and len(one.parts) == 2]
+        experiment.least |= {one.name for one in both}
         return [*pool, *parts]
-    return [one for one in pool if not {*one.parts} & {*parts}]
+    return [one for one in pool if not {*one.parts} & renewed & {*parts}]
 
 
 def _other_boundaries(

@@ -166,10 +166,10 @@ def _text(agent: AgentId) -> str:
 
 
 def agent_name(agent: AgentId) -> str:
-    """An agent's name in columns: itself where it is a text that UTF-8 carries, else its JSON."""
+    """An agent's name in columns: itself if it isn't empty and UTF-8 carries it, else its JSON."""
     if isinstance(agent, str):
         name = _text(agent)
-        return name if clean(name) == name else to_json(name)
+        return name if name and clean(name) == name else to_json(name)
     return to_json(agent)
 
 

@@ -235,9 +235,9 @@ def _next(document: Mapping[str, Any], options: Mapping[str, Any]) -> Sequence[s
     found = []
     if _named(document) and document["counterfactuals"]:
         episode = document["counterfactuals"][0]["episode"]
-        found.append(
-            f"gamekeeper pivots {run} --episode {episode}{of_pivots}   # the turn that lost it"
-        )
+        is_lost = all(each["failed"] == each["episodes"] for each in document["fresh"].values())
+        end = "a turn that saves it" if is_lost else "the turn that lost it"
+        found.append(f"gamekeeper pivots {run} --episode {episode}{of_pivots}   # {end}")
     elif good is None and _is_failing(document) and not document.get("raised"):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}   # beside one that works")
         if not options.get("--try"):

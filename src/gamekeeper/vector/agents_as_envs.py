@@ -72,7 +72,7 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
             )
         obs, infos = self.venv.reset(seed=seed, options=options)
         nobody = np.zeros(self.num_envs, bool)
-        return self._flat(obs), self._infos(infos, nobody)
+        return changed(obs, self._by_agent), self._infos(infos, nobody, nobody)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One step of every agent of every copy.
@@ -81,26 +81,28 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
             SpecError: an agent isn't in the game any more, and that is refused.
         """
         shaped = changed(actions, lambda a: np.asarray(a).reshape(-1, self.count, *a.shape[1:]))
-        obs, rewards, terminated, truncated, infos = self.venv.step(shaped)
-        flags = [part.reshape(-1) for part in (rewards, terminated, truncated)]
-        return self._flat(obs), *flags, self._infos(infos, flags[1] | flags[2])
+        obs, *parts, infos = self.venv.step(shaped)
+        rewards, terminated, truncated = [part.reshape(-1) for part in parts]
+        own = self._infos(infos, terminated, truncated)
+        return changed(obs, self._by_agent), rewards, terminated, truncated, own
 
     def close(self, **kwargs: Any) -> None:
         """Closes every copy."""
         self.venv.close()
         self.closed = True
 
-    def _flat(self, tree: Any) -> Any:
-        return changed(tree, lambda array: array.reshape(self.num_envs, *array.shape[2:]))
+    def _by_agent(self, array: Any) -> Any:
+        return array.reshape(self.num_envs, *array.shape[2:])
 
-    def _infos(self, infos: dict[str, Any], ended: Any) -> dict[str, Any]:
+    def _infos(self, infos: dict[str, Any], terminated: Any, truncated: Any) -> dict[str, Any]:
         if self._refuses:
             self._check(infos["live"])
         found: dict[str, Any] = {
-            key: self._flat(infos[key]) for key in ("live", "action_mask") if key in infos
+            key: self._by_agent(infos[key]) for key in ("live", "action_mask") if key in infos
         }
         if "final_obs" not in infos:
             return found
+        ended = terminated | truncated
         finals, final_infos, places = infos["final_obs"], infos["final_info"], np.flatnonzero(ended)
         at = finals.rows[places // self.count], places % self.count
         found["final_obs"] = FinalObs(self.num_envs, places, changed(finals.tree, itemgetter(at)))
@@ -111,7 +113,7 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
 
     def _check(self, live: Any) -> None:
         """Refuses copies that play without some of their agents."""
-        if live.all():
+        if np.count_nonzero(live) == live.size:
             return
         plays_on = live.any(1) & ~live.all(1)
         if plays_on.any():

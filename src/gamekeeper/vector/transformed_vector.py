@@ -111,8 +111,7 @@ class TransformedVector:
             groups.append(replace(group, observation_space=space, observed=parts))
         self.groups: tuple[VectorGroup, ...] = tuple(groups)
         self.observation_space = batched(self.groups, "observation_space", venv.api, venv.num_envs)
-        self._is_aec = venv.api == "aec"
-        self._own = {group.name: group.columns for group in self.groups}
+        self._is_aec, self._is_one = venv.api == "aec", self.groups[0].name == ALL
 
     def __getattr__(self, name: str) -> Any:
         if name == "venv" or name.startswith("_"):
@@ -148,6 +147,8 @@ class TransformedVector:
 
     def _after(self, obs: Any, terminated: Any, truncated: Any, infos: dict[str, Any]) -> Any:
         """Shows what followed a step, last observations before episodes are forgotten."""
+        if self._is_quiet and not ("final_obs" in infos or "failed" in infos):
+            return self._shown(obs, None)
         over = infos["over"]
         over = over.copy() if np.count_nonzero(over) else None
         is_same = self.autoreset == "same_step"
@@ -188,7 +189,9 @@ class TransformedVector:
             self._columns = infos["turn"].astype(np.intp)
             self._live = self._acting = live & self._in_turn(live)
         elif self._remembers:
-            self._acting = live if self._live is None else live.copy()
+            self._acting = live.copy()  # which the next step may overwrite
+        # all agents are live, and stay so for as long as there are no last observations of any
+        self._is_quiet = self._live is None and self._began is None
 
     def _in_turn(self, live: Flags) -> Any:
         return np.arange(live.shape[1]) == self._columns[:, None]
@@ -201,16 +204,19 @@ class TransformedVector:
 
     def _whole(self, tree: Any) -> Any:
         """[env, agent] of all groups."""
-        if self.groups[0].name == ALL:
+        if self._is_one:
             return tree
         return np.concatenate([tree[group.name] for group in self.groups], 1)
 
     def _rows(self, flags: Any, group: VectorGroup) -> Any:
         """Flags [env, agent] as observations of the group have their rows."""
-        own = flags[:, group.columns]
+        own = flags if self._is_one else flags[:, group.columns]
         return own.any(1) if self._is_aec else own
 
     def _paid(self, rewards: Any, acting: Any) -> Any:
+        if self._is_one:
+            return self.transform.rewards(0, rewards, acting if self._remembers else None)
+
         def change(g: int, part: Any) -> Any:
             own = acting[:, self.groups[g].columns] if self._remembers else None
             return self.transform.rewards(g, part, own)
@@ -224,7 +230,7 @@ class TransformedVector:
         return np.clip(columns - group.first, 0, len(group.agents) - 1)
 
     def _by_group(self, change: Any, tree: Any) -> Any:
-        if self.groups[0].name == ALL:
+        if self._is_one:
             return change(0, tree)
         return {group.name: change(g, tree[group.name]) for g, group in enumerate(self.groups)}
 
@@ -235,7 +241,7 @@ class TransformedVector:
         self._seen = obs
         if not self._shows:
             return obs
-        if there is None and self.groups[0].name == ALL:
+        if there is None and self._is_one:
             return self.transform.shown(0, obs, None, self._columns)
 
         def change(g: int, part: Any) -> Any:

@@ -268,7 +268,7 @@ def _page(
     entries = listed(_in_order(every, main, [number for number, _ in order]), most_bytes=LIST_BYTES)
     chosen = chosen_text(taken, len(main.figures.headers), run=main.path)
     if len(entries) < len(every):
-        chosen += f" The list holds {len(entries):,} of {len(every):,}."
+        chosen = f"{chosen} The list holds {len(entries):,} of {len(every):,}.".strip()
     return Page(
         title=main.name if title is None else title,
         lead=lead_of(runs),

@@ -105,7 +105,9 @@ def _answer(
         lead=_lead(runs),
         # Figures of a run that grows would be wrong soon.
         answers=() if is_open else answers_of(main, documents),
-        not_asked=not_asked(main, documents, env=env_words(main.evidence) or "ENV"),
+        not_asked=not_asked(
+            main, documents, env=env_words(main.evidence) or "ENV", plays_on=play_on is not None
+        ),
         alerts=alerts_of(runs, answered=None if is_open else main),
         runs=tuple(run.card for run in runs),
         sections=sections,

@@ -70,8 +70,8 @@ def test_budget_is_kept_and_soon_given_up() -> None:
 
 
 def test_what_is_left_out_is_said() -> None:
-    """The page says which episodes it holds and what shows the others."""
-    assert "All episodes" in chosen_text([(0, ()), (1, ())], 2, run="r")
+    """The page says which episodes it holds and what shows the others; of all it says nothing."""
+    assert chosen_text([(0, ()), (1, ())], 2, run="r") == ""
     text = chosen_text([(3, ("failing",)), (1, ())], 9, run="runs/r")
     assert "2 of 9 episodes" in text
     assert "1, 3 (failing)" in text

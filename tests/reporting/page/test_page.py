@@ -201,9 +201,11 @@ def test_page_of_a_bare_run_says_what_is_missing(tmp_path: Path) -> None:
     assert "Not part of this page, with commands: diagnosis, attribution, audit, evaluation" in text
     for command in (f"diagnose {run}", f"attribute {run}", "audit ", "evaluate ..."):
         assert f"gamekeeper {command}" in text
+    assert text.count("gamekeeper diagnose") == 1
     ids = [value for tag, name, value in Read(page).attributes if (tag, name) == ("section", "id")]
     assert ids == ["player", "agents", "form", "provenance"]
-    assert "not tested" in text
+    assert "Lazy agents are found by replacing them" in text
+    assert "not tested" not in text
 
 
 def test_documents_are_found_in_the_run(tmp_path: Path) -> None:
@@ -291,6 +293,23 @@ def test_outcome_needs_a_condition(failure: str | None, expected: str) -> None:
     assert answers["Evidence"] == "A run that isn't finalized has no checksums to compare."
 
 
+def test_lowest_return_names_its_agent_but_no_fault() -> None:
+    """Means differ: the lowest has its agent and a link; they are equal: it isn't said."""
+    run = shown(recorded(), key="a", path="run", name="run")
+    returns = np.zeros_like(run.figures.returns)
+    told = []
+    for low in (-2.0, 0.0):
+        returns = returns.copy()
+        returns[:, 1] = low
+        other = replace(run, figures=replace(run.figures, returns=returns))
+        told.append([a for a in answers_of(other, Documents()) if a.question == "Lowest return"])
+    ((answer,), equal) = told
+    assert (answer.word, equal) == (run.figures.agents[1], [])
+    assert answer.text.startswith("Mean return -2; of the other")
+    assert answer.text.endswith("A return alone shows no fault.")
+    assert answer.link.startswith("#play:a/0/")
+
+
 def test_agent_that_adds_least_is_said_with_the_direction_of_its_difference() -> None:
     """Of a harmful agent the team's return is higher without it, and its interval is turned."""
     run = shown(recorded(), key="a", path="run", name="run")
@@ -311,7 +330,7 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     run = shown(recorded(), key="a", path="run", name="run")
     told = documents.diagnosis("w", PLAIN)
     found = {each.question: each for each in answers_of(run, Documents(diagnosis=told))}
-    said = found["First turn"].text
+    said = found["First difference"].text
     assert "does north (0); after " in said
     assert "it does stay (4), and the episode succeeds. north (0) is 90% of its actions" in said
     cause = found["Likely cause"]
@@ -388,7 +407,10 @@ def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: 
     block = not_asked(replace(run, failed=(True,)), told, env="ENV")
     assert block is not None
     assert "pivots" in block.title
-    assert f"`gamekeeper view {run.path} --interactive`" in found["Counterfactual"].text
+    assert f"gamekeeper view {run.path} --interactive" in block.snippets[0][1]
+    assert "Counterfactual" not in found
+    assert (found["State"].word, "Evidence" in found) == ("finalized", False)
+    assert found["State"].text.startswith("Every file matches its checksum")
 
 
 def test_missing_run_is_refused(tmp_path: Path) -> None:

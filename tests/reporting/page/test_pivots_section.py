@@ -41,7 +41,7 @@ def test_pivots_stand_as_a_curve_and_as_links_into_the_player() -> None:
     last = episode(4, 5, question="last action", curve=[], not_tried=["turns 0 to 4"])
     section = pivots_section({"episodes": [episode(2, 3), last]}, key="a")
     assert section is not None
-    (block,) = section.blocks
+    block, left = section.blocks
     (chart,) = block.charts
     assert (chart["id"], chart["x"]["values"]) == ("pivots-2", [0, 3, 4])
     assert chart["series"][0]["values"] == [0.9, 0.9, 0.1]
@@ -50,7 +50,8 @@ def test_pivots_stand_as_a_curve_and_as_links_into_the_player() -> None:
     assert [row[1].link for row in rows] == ["a/2/3", "a/4/5"]
     assert [row[2].text for row in rows] == ["90% (90 of 100; 80% to 100%)", "-"]
     assert "a_0 would have kept it by action 1" in rows[0][5].text
-    assert any("not tried: turns 0 to 4" in note for note in block.notes)
+    assert (left.title, left.folded) == ("Not tried: 1", True)
+    assert left.notes == ("Episode 4: turns 0 to 4.",)
     assert pivots_section(None, key="a") is pivots_section({"episodes": []}, key="a") is None
 
 

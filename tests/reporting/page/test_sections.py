@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.reporting.page.agent_section import FEWEST, Mean, mean_of
+from gamekeeper.reporting.page.agent_section import FEWEST, Mean, agents_blocks, mean_of
 from gamekeeper.reporting.page.audit_sections import (
     MOST_AGENTS,
     form_of_run,
@@ -129,6 +129,21 @@ def test_form_of_a_run_alone_is_what_was_seen(spec: str) -> None:
     told = tables(section)
     assert len(figures.agents) <= len(told["Agents and spaces"].rows)
     assert "declared" in told["Declared beside measured"].columns
+
+
+def test_crowd_has_its_outliers_first_and_equal_spaces_once() -> None:
+    """Of many agents sixteen rows are shown, all of them folded; equal spaces have one row."""
+    evidence = gk.rollout("pursuit", env_kwargs={"pursuers": 20}, episodes=2)
+    figures, roster = figures_of(evidence), packed_agents(evidence)
+    options = {"labels": (), "attribution": None, "failed": [], "condition": "", "rng": rng()}
+    blocks = agents_blocks(figures, evidence.summary, roster, key="a", **options)
+    folded = [block for block in blocks if block.folded]
+    assert len(blocks[0].tables[0].rows) == 16
+    assert [len(block.tables[0].rows) for block in folded] == [len(figures.agents)]
+    section = form_section(evidence, figures, roster, audit=None, attribution=None)
+    rows = words(tables(section)["Agents and spaces"])
+    assert len(rows) < len(figures.agents)
+    assert "and " in rows[0][0]
 
 
 def test_audit_of_another_environment_is_told() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.viewing.plot.plot_axes import COLORS
+from gamekeeper.viewing.plot.plot_axes import COLORS, DARK_COLORS, color
 from tests.surface.sources import ROOT
 
 
@@ -92,7 +92,7 @@ def test_intervals_have_a_line_for_each_policy_that_has_one() -> None:
     assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b", "c"]
     wide = [line.get_xdata().tolist() for line in axes.lines if len(line.get_xdata()) == 2]
     assert wide == [[0.0, 2.0], [2.0, 4.0]]
-    assert axes.lines[-1].get_markerfacecolor() == "white"
+    assert mpl.colors.same_color(axes.lines[-1].get_markerfacecolor(), axes.get_facecolor())
 
 
 def test_curves_follow_the_steps() -> None:
@@ -135,7 +135,12 @@ def test_crossplay_is_the_matrix_of_means() -> None:
 
 
 def test_colours_are_those_of_the_pages() -> None:
-    """An agent has one colour in plots and in the player."""
+    """An agent has one colour in plots and in the player, in the light and in a dark style."""
     style = ROOT / "src/gamekeeper/reporting/page/assets/style.css"
     series = re.findall(r"--series-\d: (#\w+);", style.read_text(encoding="utf-8"))
-    assert list(COLORS) == series[: len(COLORS)]
+    assert [*COLORS, *DARK_COLORS] == series
+    assert color(1) == COLORS[1]
+    with mpl.style.context("dark_background"):
+        assert color(len(COLORS) + 1) == DARK_COLORS[1]
+        axes = gk.plot.intervals(evaluation())
+        assert axes.lines[0].get_color() == DARK_COLORS[0]

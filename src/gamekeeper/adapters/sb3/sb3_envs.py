@@ -13,7 +13,7 @@ from stable_baselines3.common.preprocessing import is_image_space, is_image_spac
 from stable_baselines3.common.vec_env import VecEnv
 
 from gamekeeper.adapters.requirements import checked, closed_on_error
-from gamekeeper.adapters.slots import Slots
+from gamekeeper.adapters.slots import Slots, Step
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
 
@@ -158,26 +158,28 @@ class SlotVecEnv(VecEnv):
     def step_wait(self) -> Any:
         """Steps every sub-environment; returns observations, rewards, dones, infos of slots."""
         done = self.slots.step(self._actions)
-        if not (self.slots.is_watched or self._is_noted or self.slots.acted.all()):
+        if not (self.slots.have_all_acted or self._is_noted or self.slots.is_watched):
             self._is_noted = True
             sys.stderr.write(
                 "gamekeeper: slots of agents that wait or have ended are steps too, and a learner"
                 " without the adapter's buffer learns from them (fix: **sb3.buffer(venv), of"
                 " off-policy algorithms **sb3.replay_buffer(venv); to evaluate none is needed)\n"
             )
-        dones = done.terminated | done.truncated
         infos = self._infos()
-        for slot, final in done.final.items():
+        if done.final:
+            self._tell_ends(infos, done)
+        return done.obs, done.rewards.astype(np.float32), done.ended, infos
+
+    def _tell_ends(self, infos: list[dict[str, Any]], done: Step) -> None:
+        """Puts infos of their own in the places of slots that ended."""
+        passed_s = round(time.monotonic() - self._begun_s, 6)
+        are_cut = (done.truncated & ~done.terminated)[list(done.final)].tolist()
+        for (slot, final), is_cut in zip(done.final.items(), are_cut, strict=True):
             infos[slot] = {
                 "terminal_observation": final,
-                "TimeLimit.truncated": bool(done.truncated[slot] and not done.terminated[slot]),
-                "episode": {
-                    "r": done.returns[slot],
-                    "l": done.lengths[slot],
-                    "t": round(time.monotonic() - self._begun_s, 6),
-                },
+                "TimeLimit.truncated": is_cut,
+                "episode": {"r": done.returns[slot], "l": done.lengths[slot], "t": passed_s},
             }
-        return done.obs, done.rewards.astype(np.float32), dones, infos
 
     def _infos(self) -> list[dict[str, Any]]:
         """Returns an empty info for each slot, new ones where the last step's were written into."""

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.spaces import Space
 
+from gamekeeper.auditing.agent_places import is_value
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable
@@ -111,7 +112,8 @@ def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             names.setdefault(agent, [str(agent), type(agent).__name__])
 
     base = session.play(play, env, watch=watch)
-    yield session.fact(AgentNames(list(names.values())), field="agents")
+    no_values = [text for agent, (text, _) in names.items() if not is_value(agent)]
+    yield session.fact(AgentNames(list(names.values()), no_values), field="agents")
     if base.failed is not None or len({text for text, _ in names.values()}) < len(names):
         return
     unchanged_rerun = session.play(base.play)

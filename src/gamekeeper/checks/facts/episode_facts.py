@@ -62,9 +62,15 @@ class StateForms:
 
 @dataclass(frozen=True, slots=True)
 class AgentNames:
-    """Text and type of each agent: of `possible_agents` in their order, then as they appeared."""
+    """Names of the agents: of `possible_agents` in their order, then as they appeared.
+
+    Attributes:
+        names: text and type of each.
+        no_values: texts of those that don't equal a copy of theirs.
+    """
 
     names: list[list[str]]
+    no_values: list[str]
 
 
 @dataclass(frozen=True, slots=True)

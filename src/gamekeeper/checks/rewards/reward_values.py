@@ -60,7 +60,9 @@ class ReportedReward:
         if self.is_right:
             return ("right",)
         is_carried = self.carried and self._is(self.owed + self.carried)
-        is_again = self.owed and any(self._is(n * self.owed) for n in range(2, MOST_TIMES + 1))
+        more = [n * self.owed for n in range(2, MOST_TIMES + 1)]
+        more += [self.owed + each for each in self.paid if each and self.told]
+        is_again = self.owed and any(map(self._is, more))
         kinds: dict[Kind, bool] = {"carried": bool(is_carried), "again": bool(is_again)}
         return tuple(kind for kind, is_it in kinds.items() if is_it)
 

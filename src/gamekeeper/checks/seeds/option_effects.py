@@ -1,6 +1,6 @@
 """Check of the options of a reset: they hold for one episode."""
 
-from gamekeeper.checks.check import MEDIUM, Cases, check
+from gamekeeper.checks.check import LOW, Cases, check
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.paired_episodes import parted, program, settled_by_seed, told_of
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -9,7 +9,7 @@ from gamekeeper.contract import Contract
 
 @check(
     "GK616",
-    MEDIUM,
+    LOW,
     "options",
     applies=settled_by_seed,
     looks_at="an option that reset asks for and that changes an episode, with a default or an "
@@ -19,8 +19,9 @@ def options_hold_for_one_episode(contract: Contract, evidence: ProbeEvidence) ->
     """The options of a reset hold for its episode: one without options goes as if none were given.
 
     A curriculum or an evaluation that hands options to one reset would change every later episode,
-    also those that are replayed from their seed alone. Tested with the options that `reset` itself
-    asks for, each with another value than its default.
+    also those that are replayed from their seed alone. It is of low severity, as some options are
+    meant to stay. Tested with the options that `reset` itself asks for, each with another value
+    than its default.
 
     Bad:
         self.size = options.get("size", self.size)

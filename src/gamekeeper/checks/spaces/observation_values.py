@@ -2,7 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Discrete
 
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.facts.space_facts import AskedSpace, OthersView
@@ -19,6 +22,9 @@ from gamekeeper.episodes.spaces.misfit import (
     misfits,
     suspects,
 )
+
+MASK_PATH: Final = f"[{MASK!r}]"
+"""End of the path of a part that is an action mask."""
 
 
 @dataclass(slots=True)
@@ -44,7 +50,7 @@ def spaces_of(evidence: ProbeEvidence, which: str) -> dict[str, Any]:
 
 def misfit_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every observation that was given: whether it misses its space in `kind`."""
-    known = spaces_of(evidence, "observation")
+    known, actions = spaces_of(evidence, "observation"), spaces_of(evidence, "action")
     for episode in (*evidence["rollout"], *evidence["spaces"]):
         exact, nonconforming = _rows(episode, known)
         for agent, rows in exact.items():
@@ -60,9 +66,8 @@ def misfit_cases(evidence: ProbeEvidence, kind: str) -> Cases:
         for agent, rows in nonconforming.items():
             if kind in (DTYPE, SHAPE) and _is_of_another_kind(known[agent], rows):
                 continue  # GK211 tells it: once an array, where a number is declared
-            is_told = kind != DTYPE or _is_told(agent, known[agent], rows)
+            with_masks = not _is_told(agent, known[agent], actions.get(agent), rows, kind)
             for turn, value in zip(rows.turns, rows.values, strict=True):
-                with_masks = agent in turn.ended and not is_told
                 yield _looked(evidence, episode, turn, agent, known[agent], value, kind, with_masks)
 
 
@@ -89,7 +94,7 @@ def _looked(
     space: Any,
     value: Any,
     kind: str,
-    with_masks: bool = False,
+    with_masks: bool = True,
 ) -> Case:
     found = next(
         (each for each in misfits(space, value) if _is_meant(each, kind, with_masks)), None
@@ -110,22 +115,30 @@ def _is_of_another_kind(space: Any, rows: _Rows) -> bool:
 
 
 def _is_meant(found: Misfit, kind: str, with_masks: bool) -> bool:
-    return found.kind == kind and (with_masks or not is_of_mask(found.kind, found.path))
+    return found.kind == kind and (with_masks or not found.path.endswith(MASK_PATH))
 
 
-def _is_told(agent: str, space: Any, rows: _Rows) -> bool:
+def _is_told(agent: str, space: Any, actions: Any, rows: _Rows, kind: str) -> bool:
     """The checks of masks, which look at who may move, tell of this agent's masks anyway."""
     return any(
-        is_of_mask(each.kind, each.path)
+        each.kind == kind and each.path.endswith(MASK_PATH)
         for turn, value in zip(rows.turns, rows.values, strict=True)
-        if agent not in turn.ended
+        if agent not in turn.ended and (kind == DTYPE or _has_odd_length(actions, value))
         for each in misfits(space, value)
     )
 
 
+def _has_odd_length(actions: Any, value: Any) -> bool:
+    """Tells whether the mask of an observation hasn't one number for each action."""
+    mask = value.get(MASK) if isinstance(value, dict) else None
+    if not isinstance(actions, Discrete) or not isinstance(mask, np.ndarray):
+        return False
+    return bool(mask.shape != (int(actions.n),))
+
+
 def is_of_mask(kind: str, path: str) -> bool:
     """Tells whether a misfit is only the dtype of an action mask."""
-    return kind == DTYPE and path.endswith(f"[{MASK!r}]")
+    return kind == DTYPE and path.endswith(MASK_PATH)
 
 
 def misfit_proof(api: str, agent: str, found: Misfit) -> str:
@@ -239,7 +252,7 @@ def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases
     """`observe` gives an observation of its space for every live agent, also one not in turn.
 
     Conversions to Parallel, centralised critics and recorders observe all agents at every turn.
-    A form, shape or dtype that is wrong in agents' own turns too is left to the checks of those.
+    What is wrong in agents' own turns too is left to the checks of those.
 
     Bad:
         def observe(self, agent):
@@ -279,13 +292,13 @@ def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases
 
 
 def _in_turn(evidence: ProbeEvidence) -> frozenset[tuple[str, str]]:
-    """Kinds and paths of what observations miss of form, shape and dtype in agents' own turns."""
+    """Kinds and paths of what observations miss in agents' own turns."""
     known = spaces_of(evidence, "observation")
     return frozenset(
         (each.kind, each.path)
         for episode in (*evidence["rollout"], *evidence["spaces"])
         for turn in episode.turns
-        for agent in turn.order
-        if agent in known and "obs" in turn.nonconforming.get(agent, ())
-        for each in misfits(known[agent], turn.observations[agent])
+        for agent, value in turn.observations.items()
+        if agent in known
+        for each in misfits(known[agent], value)
     )

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.episodes.summary import Summary
 from gamekeeper.errors import EvidenceError
+from gamekeeper.reporting.crowd import split
 from gamekeeper.reporting.page.episode_figures import Figures, failed_text
 from gamekeeper.reporting.page.packed_episode import PackedAgent
 from gamekeeper.reporting.page.page_data import (
@@ -39,9 +40,9 @@ FEWEST: Final = FEWEST_EPISODES["mean"]
 """Episodes from which an interval is shown."""
 MOST_INTERVALS: Final = 64
 """Agents whose intervals are computed; one takes some hundredths of a second."""
-MOST_LINES: Final = 12
-"""Agents whose returns are drawn; the table has all."""
 NOT_TESTED: Final = "not tested"
+SILENT: Final = ("", "-", NOT_TESTED)
+"""Texts of cells that say nothing; a column of nothing else is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class Mean:
 
 
 def mean_of(values: FloatArray, rng: Generator | None) -> Mean:
-    """The mean of an agent's figures with an interval, which fewer than 50 episodes don't have.
+    """The mean of an agent's figures with an interval, which few episodes don't have.
 
     Args:
         values: [episodes].
@@ -116,16 +117,23 @@ def agents_blocks(
         rng: draws resamples.
     """
     means = means_of(figures, rng)
+    table = _main_table(figures, summary, means, roster, labels, attribution)
+    first, others = split([means[agent].value for agent in figures.agents])
     main = PageBlock(
-        charts=tuple(filter(None, [_returns(figures, key), _terms_chart(figures, key)])),
+        notes=(f"Of {len(means)} agents those furthest from the median.",) if others else (),
+        charts=tuple(
+            filter(None, [_returns(figures, key, first), _terms_chart(figures, key, first)])
+        ),
         tables=(
-            _main_table(figures, summary, means, roster, labels, attribution),
-            _terms(figures),
+            replace(table, rows=tuple(table.rows[place] for place in first)),
             _labels(labels, key),
         ),
     )
-    notes = PageBlock(notes=tuple(_notes(means, attribution)))
-    return (main, notes, _team(figures, failed, condition, rng))
+    every = PageBlock(
+        title=f"All {len(means)} agents", tables=(table, _terms(figures)), folded=True
+    )
+    notes = PageBlock(notes=tuple(_notes(means, summary, attribution)))
+    return (main, *([every] if others else []), notes, _team(figures, failed, condition, rng))
 
 
 def _main_table(
@@ -164,7 +172,12 @@ def _main_table(
         "agent | role | episodes | mean return | 95 % interval | lowest | median | highest | "
         "mean length | share | idle | endings | labels | lazy"
     )
-    return PageTable("Returns, lengths and endings by agent", columns, tuple(rows))
+    kept = [k for k in range(len(columns)) if any(row[k].text not in SILENT for row in rows)]
+    return PageTable(
+        "Returns, lengths and endings by agent",
+        tuple(columns[k] for k in kept),
+        tuple(tuple(row[k] for k in kept) for row in rows),
+    )
 
 
 def _quantile(values: FloatArray, part: float) -> float | None:
@@ -191,7 +204,9 @@ def lazy_cell(is_lazy: bool | None) -> Cell:
     return badge("lazy", "warn") if is_lazy else Cell("no")
 
 
-def _notes(means: Mapping[str, Mean], attribution: Mapping[str, Any] | None) -> list[str]:
+def _notes(
+    means: Mapping[str, Mean], summary: Summary, attribution: Mapping[str, Any] | None
+) -> list[str]:
     notes = []
     if any(0 < mean.n < FEWEST for mean in means.values()):
         notes.append(
@@ -199,10 +214,10 @@ def _notes(means: Mapping[str, Mean], attribution: Mapping[str, Any] | None) -> 
         )
     if len(means) > MOST_INTERVALS:
         notes.append(f"Intervals are computed for the first {MOST_INTERVALS} agents.")
-    notes.append(
-        "Share: part of the team's return, where no agent's is negative. Idle: part of an agent's "
-        "actions that are the declared noop."
-    )
+    if any(own.share is not None for own in summary.agents.values()):
+        notes.append("Share: part of the team's return, where no agent's is negative.")
+    if any(own.idle is not None for own in summary.agents.values()):
+        notes.append("Idle: part of an agent's actions that are the declared noop.")
     if attribution is None:
         notes.append(
             "Lazy agents are found by replacing them, not by their returns: "
@@ -211,7 +226,7 @@ def _notes(means: Mapping[str, Mean], attribution: Mapping[str, Any] | None) -> 
     return notes
 
 
-def _returns(figures: Figures, key: str) -> Chart | None:
+def _returns(figures: Figures, key: str, places: Sequence[int]) -> Chart | None:
     """Each agent's return in every episode, or means of several."""
     if len(figures.headers) < 2:
         return None
@@ -220,12 +235,11 @@ def _returns(figures: Figures, key: str) -> Chart | None:
         "Return by agent and episode",
         [header["episode"] for header in figures.headers],
         {
-            agent: np.where(figures.present[:, place], figures.returns[:, place], np.nan)
-            for place, agent in enumerate(figures.agents[:MOST_LINES])
+            figures.agents[place]: np.where(
+                figures.present[:, place], figures.returns[:, place], np.nan
+            )
+            for place in places
         },
-        note=f"The first {MOST_LINES} agents; the table has all of them."
-        if len(figures.agents) > MOST_LINES
-        else "",
     )
 
 
@@ -239,7 +253,7 @@ def _term_means(figures: Figures) -> dict[str, list[float | None]]:
     }
 
 
-def _terms_chart(figures: Figures, key: str) -> Chart | None:
+def _terms_chart(figures: Figures, key: str, places: Sequence[int]) -> Chart | None:
     means = _term_means(figures)
     if not means or not figures.agents:
         return None
@@ -247,10 +261,10 @@ def _terms_chart(figures: Figures, key: str) -> Chart | None:
         "id": f"terms-{key}",
         "kind": "bars",
         "title": "Mean return by reward term",
-        "x": {"label": "agent", "names": list(figures.agents[:MOST_LINES])},
+        "x": {"label": "agent", "names": [figures.agents[place] for place in places]},
         "y": {"label": "mean return of an episode"},
         "series": [
-            {"name": term, "values": [finite(value) for value in values[:MOST_LINES]]}
+            {"name": term, "values": [finite(values[place]) for place in places]}
             for term, values in means.items()
         ],
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, TypedDict
 
 import numpy as np
@@ -55,32 +56,33 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         documents: about it.
     """
     found = (
-        _state(run),
+        *_state(run),
         _outcome(run),
+        _least(run, documents.attribution) or _lowest(run),
         _cause(run, documents.diagnosis),
         _did(run, documents.diagnosis),
-        _findings(documents.audit),
-        _otherwise(run, documents),
         _lost(run, documents),
-        _least(run, documents.attribution),
+        _otherwise(documents),
+        _findings(documents.audit),
         _compared(documents.evaluation),
-        _verified(run),
         _again(run),
     )
     return tuple(each for each in found if each is not None)
 
 
-def _state(run: ShownRun) -> Answer | None:
-    """State of a recording that is incomplete or was recovered; None of one that is complete."""
+def _state(run: ShownRun) -> Iterator[Answer]:
+    """State of a recording, and its files; in one sentence where both are as they should be."""
     status, text = run.card.status, " ".join(state_texts(run))
-    badge = STATES.get(status, "passed")
-    if not text and badge == "passed":
-        return None
-    cut = _cut(run)
-    if not cut:
-        return Answer("State", text or "The run is complete.", status, badge)
-    word, badge = ("failed", "failed") if cut[0].get("error") else (status, "warn")
-    return Answer("State", text, word, badge, **_last_turn(run, cut[0]))
+    if status == "finalized" and not text and run.evidence.root is not None:
+        yield replace(_verified(run), question="State", word=status)
+        return
+    badge, cut = STATES.get(status, "passed"), _cut(run)
+    if cut:
+        word, badge = ("failed", "failed") if cut[0].get("error") else (status, "warn")
+        yield Answer("State", text, word, badge, **_last_turn(run, cut[0]))
+    elif text or badge != "passed":
+        yield Answer("State", text or "The run is complete.", status, badge)
+    yield _verified(run)
 
 
 def state_texts(run: ShownRun) -> Iterator[str]:
@@ -186,7 +188,7 @@ def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> Link:
 
 
 def _least(run: ShownRun, attribution: Document | None) -> Answer | None:
-    """The agent that adds least by an attribution; the lowest return names no cause."""
+    """The agent that adds least by an attribution; None where it wasn't asked."""
     found = _least_added(attribution)
     if found is None:
         return None
@@ -194,6 +196,26 @@ def _least(run: ShownRun, attribution: Document | None) -> Answer | None:
     place = run.figures.agents.index(agent) if agent in run.figures.agents else None
     link = {} if place is None else _worst_episode(run, place)
     return Answer("Adds least", text, agent, "plain", **link)
+
+
+def _lowest(run: ShownRun) -> Answer | None:
+    """The agent with the lowest mean return; None where all are equal, or one isn't a number."""
+    figures, means = run.figures, []
+    for place in range(len(figures.agents)):
+        values = figures.returns[figures.present[:, place], place]
+        means.append(float(values.mean()) if len(values) else np.nan)
+    if len(means) < 2 or not np.isfinite(means).all() or np.allclose(means, means[0]):
+        return None
+    place = int(np.argmin(means))
+    others = np.delete(means, place)
+    low, high = shown(float(others.min())), shown(float(others.max()))
+    text = (
+        f"Mean return {shown(means[place])}; of the {'other' if len(others) == 1 else 'others'} "
+        f"{low if low == high else f'{low} to {high}'}. A return alone shows no fault."
+    )
+    return Answer(
+        "Lowest return", text, figures.agents[place], "plain", **_worst_episode(run, place)
+    )
 
 
 def _least_added(attribution: Document | None) -> tuple[str, str] | None:
@@ -270,28 +292,20 @@ def _did(run: ShownRun, diagnosis: Document | None) -> Answer | None:
         return None
     link = f"#play:{run.key}/{each['episode']}/{each['turn']}@{each['agent']}"
     text = f"{text[0].upper()}{text[1:]}."
-    return Answer("First turn", text, link=link, link_text="watch it")
+    return Answer("First difference", text, link=link, link_text="watch it")
 
 
-def _otherwise(run: ShownRun, documents: Documents) -> Answer | None:
-    """Differences that something else would have made, as far as they were tested."""
+def _otherwise(documents: Documents) -> Answer | None:
+    """Differences that something else would have made; None where none was tested."""
     first = restored_first(documents.diagnosis or {}) or {}
     text = _restored(_named(documents.diagnosis), first.get("intervention"))
     if text:
         link: Link = {"link": "#causes", "link_text": "what was tested"}
         return Answer("Counterfactual", text, "tested", "tested", **link)
     text = _held_still(documents.audit)
-    if text:
-        return Answer("Counterfactual", text, "tested", "tested", "#verdicts", "verdicts")
-    if documents.diagnosis is not None or documents.pivots is not None:
+    if not text:
         return None
-    if run.evidence.root is None or env_words(run.evidence) is None:
-        return None
-    path = quoted(run.path)
-    text = f"`gamekeeper view {path} --interactive` plays on from any turn with one thing changed"
-    if any(run.failed):
-        text = f"`gamekeeper diagnose {path}` looks for a repair; {text}"
-    return Answer("Counterfactual", f"{text}.", "not tested", "not_tested")
+    return Answer("Counterfactual", text, "tested", "tested", "#verdicts", "verdicts")
 
 
 def _restored(named: Mapping[str, Document], first: str | None) -> str:
@@ -411,17 +425,24 @@ def _checks(count: int) -> str:
     return f"{count} check{'' if count == 1 else 's'}"
 
 
-def not_asked(run: ShownRun, documents: Documents, *, env: str) -> PageBlock | None:
+def not_asked(
+    run: ShownRun, documents: Documents, *, env: str, plays_on: bool = False
+) -> PageBlock | None:
     """One closed line for the documents that are missing, with the commands to copy.
 
     Args:
         run: the run that the page is about.
         documents: about it.
         env: the environment as commands name it, quoted; `ENV` where it can't be named.
+        plays_on: the page itself plays on.
     """
     path = quoted(run.path)
     asked = dict(_commands(path, env, has_failed=any(run.failed)))
     missing = [name for name in asked if getattr(documents, name) is None]
+    is_playable = run.evidence.root is not None and env_words(run.evidence) is not None
+    if is_playable and not plays_on:
+        asked["playing on"] = f"gamekeeper view {path} --interactive   # from any turn, changed"
+        missing.append("playing on")
     if not missing:
         return None
     return PageBlock(

@@ -9,6 +9,7 @@ import pyarrow.compute as pc
 from gamekeeper.checks.verdict import SEVERITIES
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.reporting.audit_text import broken_rule
+from gamekeeper.reporting.crowd import MOST_ROWS
 from gamekeeper.reporting.influence_text import lag_unit
 from gamekeeper.reporting.measured_text import (
     APART,
@@ -33,6 +34,7 @@ from gamekeeper.reporting.page.page_data import (
     name,
     number,
 )
+from gamekeeper.reporting.results_text import few
 from gamekeeper.reporting.text_columns import space_text
 
 ORDER: Final = ("suspected", "waived", "not_exercised", "passed", "not_applicable")
@@ -325,21 +327,22 @@ def _figure(value: Any) -> Cell:
 
 
 def _spaces(evidence: Evidence, figures: Figures, roster: Sequence[PackedAgent]) -> PageTable:
-    rows = []
-    for member in roster:
+    """A row for each agent; of a crowd one for all that have the same."""
+    alike: dict[tuple[tuple[Cell, ...], int | None], list[str]] = {}
+    for place, member in enumerate(roster):
         spaces = evidence.spaces.get(member.name)
         sides = (None, None) if spaces is None else (spaces.observation, spaces.action)
-        rows.append(
-            (
-                name(member.name),
-                name(member.role),
-                *(Cell("?" if each is None else space_text(each.space), "code") for each in sides),
-                Cell("-" if member.noop is None else str(member.noop), "code"),
-                number(_episodes(figures, member.name)),
-            )
+        cells = (
+            name(member.role),
+            *(Cell("?" if each is None else space_text(each.space), "code") for each in sides),
+            Cell("-" if member.noop is None else str(member.noop), "code"),
+            number(_episodes(figures, member.name)),
         )
+        key = (cells, None if len(roster) > MOST_ROWS else place)
+        alike.setdefault(key, []).append(member.name)
     columns = ("agent", "role", "observes", "acts", "noop", "episodes")
-    return PageTable("Agents and spaces", columns, tuple(rows))
+    rows = tuple((name(few(agents, most=3)), *cells) for (cells, _), agents in alike.items())
+    return PageTable("Agents and spaces", columns, rows)
 
 
 def _episodes(figures: Figures, agent: str) -> int:

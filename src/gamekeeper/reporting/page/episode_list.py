@@ -352,7 +352,7 @@ class Budget:
 
 
 def chosen_text(taken: Sequence[tuple[int, tuple[str, ...]]], every: int, *, run: str) -> str:
-    """Names the episodes that are on the page, and the command that shows the others.
+    """Names the episodes that are on the page, and the command that shows the others; "" of all.
 
     Args:
         taken: numbers with their reasons.
@@ -360,7 +360,7 @@ def chosen_text(taken: Sequence[tuple[int, tuple[str, ...]]], every: int, *, run
         run: its folder as it was named.
     """
     if len(taken) == every:
-        return "All episodes are on this page."
+        return ""
     names = [
         f"{number} ({', '.join(why)})" if why else str(number) for number, why in sorted(taken)
     ]

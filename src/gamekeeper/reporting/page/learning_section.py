@@ -15,7 +15,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.reporting.page.agent_section import FEWEST, MOST_LINES, mean_of
+from gamekeeper.reporting.crowd import MOST_ROWS as MOST_LINES
+from gamekeeper.reporting.page.agent_section import FEWEST, mean_of
 from gamekeeper.reporting.page.episode_figures import Figures
 from gamekeeper.reporting.page.packed_values import fields_of_text
 from gamekeeper.reporting.page.page_data import (

@@ -29,17 +29,16 @@ def pivots_section(document: Document | None, *, key: str) -> PageSection | None
         return None
     curves = tuple(_curve(each) for each in episodes if each["curve"])
     missed = [
-        f"Episode {each['episode']}, not tried: {text}."
-        for each in episodes
-        for text in each["not_tried"]
+        f"Episode {each['episode']}: {text}." for each in episodes for text in each["not_tried"]
     ]
     drawn = f"The first {MOST} of {len(curves)} curves are drawn." if len(curves) > MOST else ""
     block = PageBlock(
-        notes=tuple(filter(None, [NOTE if curves else "", drawn, *missed])),
+        notes=tuple(filter(None, [NOTE if curves else "", drawn])),
         charts=curves[:MOST],
         tables=(_table(document or {}, key),),
     )
-    return PageSection("pivots", "Turns that lost it", (block,))
+    left = PageBlock(title=f"Not tried: {len(missed)}", notes=tuple(missed), folded=True)
+    return PageSection("pivots", "Turns that lost it", (block, *([left] if missed else [])))
 
 
 def _curve(each: Document) -> Chart:

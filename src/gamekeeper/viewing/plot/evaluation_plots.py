@@ -123,7 +123,7 @@ def intervals(
     for place, row in enumerate(shown_rows[:MOST_ROWS]):
         figure = row[statistic] or {}
         value, low, high = (figure.get(key) for key in ("value", "low", "high"))
-        fill = "white"
+        fill = ax.get_facecolor()
         if low is not None and high is not None:
             ax.plot([low, high], [place, place], color=color(place), linewidth=2.4)
             fill = color(place)

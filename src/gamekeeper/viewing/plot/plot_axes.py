@@ -22,6 +22,13 @@ COLORS: Final = (
     *("#b87d00", "#2a9fd6", "#6b5b95", "#4d4d4d"),
 )
 """Colours of agents by their place, as in the player in light."""
+DARK_COLORS: Final = (
+    *("#56b4e9", "#f28e4b", "#2fc79a", "#e39cc8"),
+    *("#e6b422", "#9ad4ff", "#b3a4e0", "#c2c8ce"),
+)
+"""The same in the dark."""
+MIDDLE_GREY: Final = 1.5
+"""Sum of red, green and blue below which a ground is dark."""
 RAMP: Final = "cividis"
 """Shades that read the same without red or green."""
 ROW: Final = 0.34
@@ -55,8 +62,10 @@ def axes(ax: Axes | None, *, rows: int | None = None) -> Axes:
 
 
 def color(place: int) -> str:
-    """The colour of an agent or policy by its place."""
-    return COLORS[place % len(COLORS)]
+    """The colour of an agent or policy by its place; a bright one in a dark style of matplotlib."""
+    params, colors = import_module("matplotlib").rcParams, import_module("matplotlib.colors")
+    is_dark = sum(colors.to_rgb(params["axes.facecolor"])) < MIDDLE_GREY
+    return (DARK_COLORS if is_dark else COLORS)[place % len(COLORS)]
 
 
 def finish(ax: Axes, title: str, *, x: str, y: str = "", legend: bool = False) -> Axes:

@@ -66,6 +66,7 @@ def returns(run: Run, *, ax: Axes | None = None) -> Axes:
     agents = figures.agents[:MOST_ROWS] or _nothing(evidence, "returns")
     places, rng = _places(evidence), np.random.default_rng(SEED)
     ax, has_interval = axes(ax, rows=len(agents)), False
+    ink = ax.title.get_color()  # black, but in a dark style of matplotlib's
     for row, agent in enumerate(agents):
         values = figures.returns[figures.present[:, row], row]
         spread = (np.arange(len(values)) * GOLDEN % 1 - 0.5) * 0.56
@@ -75,9 +76,9 @@ def returns(run: Run, *, ax: Axes | None = None) -> Axes:
         if mean.value is None:
             continue
         if mean.low is not None and mean.high is not None:
-            ax.plot([mean.low, mean.high], [row, row], color="black", linewidth=2.2)
+            ax.plot([mean.low, mean.high], [row, row], color=ink, linewidth=2.2)
             has_interval = True
-        ax.plot([mean.value], [row], marker="D", markersize=5, color=own, markeredgecolor="black")
+        ax.plot([mean.value], [row], marker="D", markersize=5, color=own, markeredgecolor=ink)
     name_rows(ax, agents)
     short = f", without an interval: it needs {FEWEST} episodes that differ"
     mean_text = f"diamond: mean{', bar: its 95 % interval' if has_interval else short}"

@@ -57,7 +57,7 @@ const Part = class {
     [this.canvas.width, this.canvas.height] = [layers * (columns + 1) - 1, rows];
     const scale = Math.max(1, Math.min(CELL, Math.floor(SIDE / Math.max(rows, columns))));
     this.canvas.style.width = `${this.canvas.width * scale}px`;
-    const range = part.low === part.high ? `always ${gk.number(part.low)}` : `${gk.number(part.low)} (dark) to ${gk.number(part.high)} (yellow)`;
+    const range = part.low === part.high ? `always ${gk.short(part.low)}` : `${gk.short(part.low)} (dark) to ${gk.short(part.high)} (yellow)`;
     const size = `${part.shape.join(" × ")} number${this.size === 1 ? "" : "s"}`;
     this.caption = gk.node("figcaption", {}, gk.name(part.name), `: ${size}, ${range}`);
     this.root = gk.node("figure", { class: "cells-part" }, this.canvas, this.caption);

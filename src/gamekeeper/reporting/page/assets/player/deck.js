@@ -21,7 +21,8 @@ gk.Deck = class {
     this.drawing = gk.drawingOf(episode);
     this.lanes = new gk.Lanes(episode, choose, pick, brush);
     this.totals = new gk.RangeTable(episode, this.lanes.all);
-    this.table = new gk.TurnTable(episode, label);
+    this.table = new gk.TurnTable(episode, label, this.lanes);
+    this.lanes.arranged = () => this.table.turn !== undefined && this.table.show(this.table.turn, this.table.other);
     const note = episode.drawingNote && gk.node("p", { class: "note", text: (episode.drawing ? "Drawn: " : "") + gk.visible(episode.drawingNote) });
     const world = gk.node("div", { class: "deck-world" }, this.drawing.root, note || "");
     const parts = [this.#heading(entry), this.#trouble(), this.#before()].filter(Boolean);
@@ -34,7 +35,7 @@ gk.Deck = class {
     const texts = [`${e.turns} steps`, gk.endText(e.end)];
     if (e.seed !== null && e.seed !== undefined) texts.unshift(`seed ${e.seed}`);
     const named = gk.page.runs.length > 1 || gk.served;
-    const heading = gk.node("h3", {}, `Episode ${e.index}`, ...(named ? [" of ", gk.name(gk.runText(e.run))] : []));
+    const heading = gk.node("h3", {}, `Episode ${e.index}`, ...(named ? [" · ", gk.name(gk.runText(e.run))] : []));
     const facts = gk.node("p", { class: "deck-facts", text: texts.join(" · ") });
     for (const label of entry?.labels ?? []) facts.append(" ", gk.node("span", { class: "badge plain" }, gk.name(label)));
     return gk.node("header", {}, heading, facts);
@@ -87,7 +88,6 @@ gk.Deck = class {
   stress(name, solo) {
     this.drawing.chosen = this.episode.slot.has(name) ? name : null;
     this.lanes.stress(name, solo);
-    this.table.stress(name, solo);
   }
 
   // The agents of the episode beside this one, as outlines on this map.
@@ -97,11 +97,12 @@ gk.Deck = class {
 
   // What the reader has zoomed and scrolled to, for an episode that is read again.
   get look() {
-    const { zoom, first, scroll } = this.lanes;
-    return { zoom, first, top: scroll.scrollTop, from: this.table.from };
+    const { zoom, first, scroll, folded } = this.lanes;
+    return { zoom, first, folded, top: scroll.scrollTop, from: this.table.from };
   }
 
-  lookLike({ zoom, first, top, from }) {
+  lookLike({ zoom, first, folded, top, from }) {
+    this.lanes.refold(folded);
     this.lanes.follow({ zoom, first });
     this.lanes.scroll.scrollTop = top;
     this.table.from = from;

@@ -76,10 +76,10 @@ gk.Gallery = class {
     this.order = gk.node("select", {}, ...ORDERS.map(([value, text]) => gk.node("option", { value, text })));
     this.order.addEventListener("change", () => this.draw());
     this.field = gk.node("div", { class: "gallery-field" });
-    const text = "A line is the sum of all agents' rewards so far, on one scale; failing episodes are dashed. Bars are the shares of actions 0, 1, 2, … (the eighth: 7 and above). Those without a frame are not on this page.";
-    const note = gk.node("p", { class: "note", text });
-    this.root = gk.node("details", { class: "gallery" }, gk.node("summary", { text: "Gallery" }), gk.node("p", { class: "list-choice" }, gk.node("label", {}, "Sort by ", this.order)), this.field, note);
-    this.root.addEventListener("toggle", () => this.draw()); // drawn once it is looked at
+    const text = "A line is the sum of all agents' rewards so far, on one scale; failing episodes are dashed. Bars are the shares of actions 0, 1, 2, … (the eighth: 7 and above).";
+    const note = gk.node("p", { class: "note", text: gk.served ? text : `${text} Those without a frame are not on this page.` });
+    this.root = gk.node("details", { class: "gallery", open: true }, gk.node("summary", { text: "Gallery" }), gk.node("p", { class: "list-choice" }, gk.node("label", {}, "Sort by ", this.order)), this.field, note);
+    this.root.addEventListener("toggle", () => this.draw()); // drawn once it, and the list that it is in, is looked at
     this.entries = [];
     this.known = new Set();
   }
@@ -93,7 +93,7 @@ gk.Gallery = class {
   }
 
   draw() {
-    if (!this.root.open) return;
+    if (!this.root.open || !this.root.parentElement?.open) return;
     const [, , of, side] = ORDERS.find(([value]) => value === this.order.value);
     const before = (a, b) => (of(a) === of(b) ? a.episode - b.episode : of(a) < of(b) ? -side : side);
     const sorted = [...this.entries].sort(before);

@@ -35,3 +35,8 @@ gk.listenToKeys = (player) => {
     work();
   });
 };
+
+const HELP = "← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks · R begins and ends a range. Clicking or dragging on the lanes selects a turn, too, dragging along the turns above them a range.";
+
+// What the keys do, folded.
+gk.keysHelp = () => gk.node("details", { class: "keys" }, gk.node("summary", { text: "Keys" }), gk.node("p", { class: "note", text: HELP }));

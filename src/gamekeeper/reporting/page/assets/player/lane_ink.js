@@ -19,17 +19,19 @@ const columns = (count) => {
 };
 
 // Puts what is in sight into columns: a column a turn where a turn is at least a pixel wide, else a column a pixel.
-const gather = (episode, agent, level, { first, perTurn, width }) => {
+const gather = (episode, agents, level, { first, perTurn, width }) => {
   const past = first + Math.ceil(width / perTurn);
   const wide = perTurn >= 1;
   const into = columns(wide ? past - first + 1 : Math.ceil(width) + 1);
   const bin = (turn) => (wide ? turn - first : Math.max(0, Math.floor((turn - first) * perTurn)));
   if (level === null) {
-    const end = episode.agentStart[agent + 1];
-    for (let i = episode.place(agent, first); i < end; i++) {
-      const row = episode.agentRows[i];
-      if (episode.turn[row] >= past) break;
-      gk.intoBin(into, bin(episode.turn[row]), episode, row);
+    for (const agent of agents) {
+      const end = episode.agentStart[agent + 1];
+      for (let i = episode.place(agent, first); i < end; i++) {
+        const row = episode.agentRows[i];
+        if (episode.turn[row] >= past) break;
+        gk.intoBin(into, bin(episode.turn[row]), episode, row);
+      }
     }
   } else {
     const lastBin = Math.min(level.what.length, Math.ceil(past / level.width));
@@ -43,16 +45,16 @@ const gather = (episode, agent, level, { first, perTurn, width }) => {
 
 const tall = (value, episode, half) => (value === 0 ? 0 : Math.max(1.5, Math.sqrt(Math.min(1, Math.abs(value) / episode.tallest)) * half));
 
-// A lane, its top at 0.
-gk.drawLane = (ink, episode, agent, level, shape) => {
+// A lane, its top at 0; of several agents the largest and the smallest of their rewards.
+gk.drawLane = (ink, episode, agents, level, shape) => {
   const colours = gk.colours();
-  const [found, count] = gather(episode, agent, level, shape);
+  const [found, count] = gather(episode, agents, level, shape);
   const step = Math.max(1, shape.perTurn);
   const gap = step >= 4 ? 1 : 0;
   const strip = Math.round(shape.height * STRIP);
   const rewards = shape.height - strip - 2;
   const middle = rewards / 2;
-  drawPresence(ink, episode, agent, shape, middle, colours);
+  for (const agent of agents) drawPresence(ink, episode, agent, shape, middle, colours);
   fill(ink, colours.gain, found.paidHigh, count, (i, value) => bar(ink, i * step, step - gap, middle, -tall(value, episode, middle - 1)));
   fill(ink, colours.loss, found.paidLow, count, (i, value) => bar(ink, i * step, step - gap, middle, tall(value, episode, middle - 1)));
   const dash = (side) => (i, value) => ink.fillRect(i * step, middle + side * tall(value, episode, middle - 1) - 0.75, Math.max(1, step - gap), 1.5);
@@ -60,9 +62,9 @@ gk.drawLane = (ink, episode, agent, level, shape) => {
     fill(ink, colours.cumulative, found.cumulativeHigh, count, dash(-1));
     fill(ink, colours.cumulative, found.cumulativeLow, count, dash(1));
   }
-  const own = gk.colourAt(gk.placeOf("agent", episode.agents[agent].name));
+  const own = agents.length > 1 ? colours.grey : gk.colourAt(gk.placeOf("agent", episode.agents[agents[0]].name));
   drawActs(ink, found.what, count, { step, gap, top: rewards, strip, own, idle: colours.idle });
-  drawEnd(ink, episode, agent, shape, colours);
+  if (agents.length === 1) drawEnd(ink, episode, agents[0], shape, colours);
 };
 
 const fill = (ink, colour, values, count, draw) => {

@@ -1,4 +1,4 @@
-// The lanes of an episode: a lane an agent, turns from left to right, only what is in sight drawn.
+// The lanes of an episode: a lane an agent, or one for a folded role, turns from left to right, only what is in sight drawn.
 // The cursor is an element of its own above the canvas, so that scrubbing draws nothing anew.
 
 const ROOMY = 38; // pixels of a lane
@@ -6,7 +6,11 @@ const CLOSE = 20; // the same where there are many agents
 const MANY = 24;
 const WIDEST = 44; // pixels of a turn, zoomed in
 const TALLEST = 420; // pixels of all lanes in sight at once
-const CROWD = 50; // agents from which outliers come first
+const CROWD = 50; // agents from which outliers come first, and the others are one lane
+const OUTLIERS = 16;
+const OTHERS = Symbol("others"); // no role
+const FOLDED = 4; // of more agents a role can be folded
+const MOST_FOLDS = 8;
 
 gk.Lanes = class {
   // `choose(turn)` is called when the reader points at a turn, `pick(name)` when at an agent, `brush(from, to)` when along the ruler.
@@ -18,8 +22,11 @@ gk.Lanes = class {
     this.brush = brush;
     this.range = null; // first and last turn of the range
     this.all = orderOf(episode); // places of agents from top to bottom
-    this.order = this.all;
+    this.single = this.all.map((agent) => ({ name: episode.agents[agent].name, agents: [agent] }));
+    this.folded = new Set(episode.agents.length < CROWD ? [] : [OTHERS]); // roles, and all but the outliers
     this.chosen = null;
+    this.solo = false;
+    this.#arrange();
     this.height = episode.agents.length > MANY ? CLOSE : ROOMY;
     this.cursor = 0;
     this.span = episode.last + 1; // turns on the scale: those of the longer one of two
@@ -76,10 +83,60 @@ gk.Lanes = class {
     this.view.style.height = `${this.inSight}px`;
   }
 
+  // The lanes from top to bottom: one for each agent, then one for each folded role. The chosen agent has its own.
+  #arrange() {
+    const { agents } = this.episode;
+    const isChosen = ({ name }) => name === this.chosen;
+    if (this.solo && this.chosen !== null) return void (this.order = this.single.filter(isChosen));
+    const roleOf = (lane) => agents[lane.agents[0]].role;
+    let open = this.single.filter((lane) => isChosen(lane) || !this.folded.has(roleOf(lane)));
+    const groups = [];
+    const fold = (fold, text, lanes) => lanes.length && groups.push({ fold, name: `${text} (${lanes.length})`, agents: lanes.flatMap((lane) => lane.agents) });
+    if (this.folded.has(OTHERS)) {
+      const rest = open.slice(OUTLIERS).filter((lane) => !isChosen(lane));
+      open = open.filter((lane) => !rest.includes(lane));
+      fold(OTHERS, "others", rest);
+    }
+    for (const role of this.folded) if (role !== OTHERS) fold(role, gk.visible(role ?? "no role"), this.single.filter((lane) => roleOf(lane) === role && !isChosen(lane)));
+    this.order = [...open, ...groups];
+    return undefined;
+  }
+
+  // One lane for all agents of a role, or for all but the outliers; again: a lane each.
+  fold(role) {
+    const folded = new Set(this.folded);
+    if (!folded.delete(role)) folded.add(role);
+    this.refold(folded);
+  }
+
+  refold(folded) {
+    this.folded = folded;
+    for (const button of this.folds) button.setAttribute("aria-pressed", String(this.folded.has(button.fold)));
+    this.#arrange();
+    this.#fit();
+    this.redraw();
+    this.arranged?.();
+  }
+
+  #foldButtons() {
+    const { agents } = this.episode;
+    const counts = new Map();
+    for (const { role } of agents) counts.set(role, (counts.get(role) ?? 0) + 1);
+    const roles = agents.length > FOLDED ? [...counts].filter(([role, count]) => count > 1 && (counts.size > 1 || role !== null)).slice(0, MOST_FOLDS) : [];
+    const offered = [...(agents.length < CROWD ? [] : [[OTHERS, "others"]]), ...roles.map(([role]) => [role, gk.visible(role ?? "no role")])];
+    this.folds = offered.map(([role, text]) => {
+      const button = gk.button(() => this.fold(role), { class: "fold", text, "aria-label": `One lane for ${text}`, title: `One lane for ${text}`, "aria-pressed": String(this.folded.has(role)) });
+      button.fold = role;
+      return button;
+    });
+    return this.folds.length ? [gk.node("span", { class: "folds-word", text: "Fold" }), ...this.folds] : [];
+  }
+
   // Makes an agent stand out, alone with `solo`; null: all alike.
   stress(name, solo) {
     this.chosen = this.episode.slot.has(name) ? name : null;
-    this.order = solo && this.chosen !== null ? [this.episode.slot.get(name)] : this.all;
+    this.solo = solo;
+    this.#arrange();
     this.#fit();
     this.redraw();
     if (this.chosen !== null) this.reveal(name);
@@ -89,11 +146,12 @@ gk.Lanes = class {
     const button = (text, label, work) => gk.button(work, { text, "aria-label": label, title: label });
     return gk.node(
       "div",
-      { class: "lanes-zooms", role: "group", "aria-label": "Zoom of the lanes" },
+      { class: "lanes-zooms", role: "group", "aria-label": "Zoom and folding of the lanes" },
       "Zoom",
       button("−", "Show more turns", () => this.zoomBy(0.5)),
       button("+", "Show fewer turns", () => this.zoomBy(2)),
       button("All", "Show all turns", () => this.zoomBy(0)),
+      ...this.#foldButtons(),
     );
   }
 
@@ -129,14 +187,14 @@ gk.Lanes = class {
   #hint(event, turn) {
     const { left, top, width } = this.box.getBoundingClientRect();
     const down = event.clientY - this.canvas.getBoundingClientRect().top + this.scroll.scrollTop;
-    const agent = down < 0 ? undefined : this.order[Math.floor(down / this.height)];
+    const lane = down < 0 ? undefined : this.order[Math.floor(down / this.height)];
     const texts = [`turn ${turn}`];
-    if (agent !== undefined) {
-      const row = this.episode.rowOf(agent, turn);
-      texts.push([gk.visible(this.episode.agents[agent].name), gk.doingText(this.episode, agent, turn)].filter(Boolean).join(": "));
-      if (row >= 0 && !Number.isNaN(this.episode.reward[row])) texts.push(`reward ${gk.number(this.episode.reward[row])}`);
+    if (lane !== undefined) {
+      const rewards = lane.agents.map((agent) => this.episode.rowOf(agent, turn)).map((row) => (row < 0 ? NaN : this.episode.reward[row]));
+      texts.push([gk.visible(lane.name), this.#doing(lane, turn)].filter(Boolean).join(": "));
+      texts.push(gk.between(rewards) && `reward ${gk.between(rewards)}`);
     }
-    gk.say(this.tip, texts.join(" · "));
+    gk.say(this.tip, texts.filter(Boolean).join(" · "));
     this.tip.hidden = false;
     const x = Math.max(0, Math.min(width - this.tip.offsetWidth - 4, event.clientX - left + 12));
     this.tip.style.transform = `translate(${x}px, ${Math.max(0, event.clientY - top - 30)}px)`;
@@ -208,8 +266,9 @@ gk.Lanes = class {
   // Brings an agent's lane into sight.
   reveal(name) {
     const agent = this.episode.slot.get(name);
-    if (agent === undefined) return;
-    const top = this.order.indexOf(agent) * this.height;
+    const place = this.order.findIndex(({ agents }) => agents.includes(agent));
+    if (place < 0) return;
+    const top = place * this.height;
     if (top < this.scroll.scrollTop || top + this.height > this.scroll.scrollTop + this.inSight) this.scroll.scrollTop = top - this.inSight / 2;
   }
 
@@ -225,11 +284,11 @@ gk.Lanes = class {
     ink.clearRect(0, 0, this.wide, this.inSight);
     const shape = { first: this.first, perTurn: this.perTurn, width: this.wide, height: this.height };
     for (let place = from; place < past; place++) {
-      const agent = this.order[place];
+      const lane = this.order[place];
       ink.save();
       ink.translate(0, place * this.height - top);
-      ink.globalAlpha = this.chosen === null || this.chosen === this.episode.agents[agent].name ? 1 : 0.3;
-      gk.drawLane(ink, this.episode, agent, this.pyramids.level(agent, 1 / shape.perTurn), shape);
+      ink.globalAlpha = this.chosen === null || this.chosen === lane.name ? 1 : 0.3;
+      gk.drawLane(ink, this.episode, lane.agents, this.pyramids.level(lane, 1 / shape.perTurn), shape);
       ink.restore();
     }
     gk.drawRuler(this.ruler, this.episode.last, this.every, shape);
@@ -242,19 +301,19 @@ gk.Lanes = class {
   #nameLanes(from, past, top) {
     while (this.pool.length < past - from) {
       const words = gk.node("span", { class: "lane-words" }, gk.node("bdi"), gk.node("small", { hidden: this.height === CLOSE }));
-      const made = gk.button(() => this.pick(this.episode.agents[made.agent].name), { class: "lane-name" }, gk.node("i", { "aria-hidden": "true" }), words);
+      const made = gk.button(() => (made.lane.fold === undefined ? this.pick(made.lane.name) : this.fold(made.lane.fold)), { class: "lane-name" }, gk.node("i", { "aria-hidden": "true" }), words);
       this.pool.push(made);
       this.names.append(made);
     }
     this.pool.forEach((made, i) => {
       made.hidden = from + i >= past;
       if (made.hidden) return;
-      made.agent = this.order[from + i];
-      const agent = this.episode.agents[made.agent];
-      gk.say(made.lastChild.firstChild, gk.visible(agent.name));
-      made.setAttribute("aria-pressed", String(this.chosen === agent.name));
-      gk.signAgent(made.firstChild, agent);
-      made.title = `${gk.visible(agent.name)}, ${gk.visible(agent.role ?? "")}`;
+      const lane = (made.lane = this.order[from + i]);
+      const name = gk.visible(lane.name);
+      gk.say(made.lastChild.firstChild, name);
+      made.setAttribute("aria-pressed", String(this.chosen === lane.name));
+      gk.signLane(made.firstChild, this.episode, lane);
+      made.title = lane.fold === undefined ? `${name}, ${gk.visible(this.episode.agents[lane.agents[0]].role ?? "")}` : `${name}: a lane each`;
       made.style.height = `${this.height}px`;
       made.style.transform = `translateY(${(from + i) * this.height - top}px)`;
     });
@@ -265,7 +324,13 @@ gk.Lanes = class {
   #sayActions() {
     gk.say(this.corner, `at turn ${this.cursor}`);
     if (this.height === CLOSE) return;
-    for (const made of this.pool) if (!made.hidden) gk.say(made.lastChild.lastChild, gk.doingText(this.episode, made.agent, this.cursor));
+    for (const made of this.pool) if (!made.hidden) gk.say(made.lastChild.lastChild, this.#doing(made.lane, this.cursor));
+  }
+
+  // What an agent does, of several how many act.
+  #doing({ agents, fold }, turn) {
+    if (fold === undefined) return gk.doingText(this.episode, agents[0], turn);
+    return `${gk.actedOf(this.episode, agents, turn)} acted`;
   }
 
   // What the picture says, for those who don't see it.

@@ -1,16 +1,16 @@
 // What the signs of the lanes mean: colours, bars, marks, and of several roles the shapes.
 
 const KEYS = [
-  ["key-acted", "lower bar in the agent’s colour: it acted"],
-  ["key-idle", "lower bar pale: it did “nothing”"],
-  ["key-gain", "grey bar up: reward above 0"],
-  ["key-loss", "red bar down: reward below 0"],
-  ["key-cumulative", "dash: reward since its last turn"],
-  ["key-ended", "the agent terminated (open square: truncated)"],
-  ["key-cursor", "the turn on show"],
+  ["key-acted", "acted, in the agent’s colour"],
+  ["key-idle", "did “nothing”"],
+  ["key-gain", "reward above 0"],
+  ["key-loss", "reward below 0"],
+  ["key-cumulative", "reward since its last turn"],
+  ["key-ended", "terminated (open: truncated)"],
+  ["key-cursor", "turn on show"],
 ];
 const MEANINGS = {
-  failure: "the episode failed",
+  failure: "failed",
   error: "error, or the recorder was killed",
   since: "first difference from the counterfactual",
   divergence: "first difference from another episode",

@@ -39,7 +39,8 @@ gk.EpisodeList = class {
     this.gallery = new gk.Gallery(open);
     const summary = gk.node("summary");
     this.summary = summary;
-    this.root = gk.node("details", { class: "episode-list", open: gk.served }, summary, choice, this.gallery.root, region, pager);
+    this.root = gk.node("details", { class: "episode-list" }, summary, choice, this.gallery.root, region, pager);
+    this.root.addEventListener("toggle", () => this.gallery.draw());
   }
 
   fill(entries) {

@@ -70,6 +70,9 @@ gk.number = (value) => {
   return String(Number(value.toPrecision(6))).replace("-", "−");
 };
 
+// The same with three digits, where there is little room.
+gk.short = (value) => gk.number(Math.abs(value) < 100 ? Number(value.toPrecision(3)) : Math.round(value));
+
 // A canvas of a size in CSS pixels, sharp on dense screens, with its drawing context.
 gk.sized = (canvas, width, height) => {
   const dense = Math.min(window.devicePixelRatio || 1, 3);

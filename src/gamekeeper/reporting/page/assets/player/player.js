@@ -26,12 +26,13 @@ gk.Player = class {
     this.jumps = gk.node("div", { class: "jumps", role: "group", "aria-label": "Jump to" });
     this.status = gk.node("p", { class: "sr-only", role: "status", "aria-live": "polite" });
     this.pairing = gk.node("p", { class: "pairing", hidden: true }, gk.node("label", {}, "Compare: ", this.pair));
-    this.follow = gk.node("input", { type: "checkbox" });
+    this.follow = gk.node("input", { type: "checkbox", checked: true });
+    this.follow.addEventListener("change", () => this.follow.checked && this.to(this.last));
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
     this.curve = new gk.SliderCurve();
     this.playOn = gk.page.play_on && new gk.PlayOn(this);
-    const parts = [this.pairing, this.trouble, this.parted, this.jumps, this.playOn?.root ?? "", this.curve.root, this.stage, this.#controls(), this.#keys()];
-    // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
+    const parts = [this.pairing, this.trouble, this.parted, this.jumps, this.playOn?.root ?? "", this.curve.root, this.stage, this.#controls(), gk.keysHelp()];
+    // A page begins with its episode; the list, in `gamekeeper view` the way to all of them, is a line.
     this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
 
@@ -61,7 +62,7 @@ gk.Player = class {
     this.ranging = gk.button(() => this.mark(this.anchor === null ? this.turn : null), { class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
     this.number = gk.node("input", { type: "number", min: "0", value: "0", "aria-label": "Go to turn", title: "Go to turn" });
     this.number.addEventListener("input", () => this.number.value !== "" && this.to(Number(this.number.value)));
-    this.until = gk.node("span");
+    this.until = gk.node("span", { class: "until" });
     this.where = gk.node("label", { class: "where" }, gk.node("span", { class: "where-word", text: "Turn " }), this.number, this.until);
     this.faster(0);
     this.bar = gk.node(
@@ -73,11 +74,6 @@ gk.Player = class {
     // What is jumped to stands above the bar, however high it is.
     new ResizeObserver(() => this.host.style.setProperty("--bar", `${this.bar.offsetHeight}px`)).observe(this.bar);
     return this.bar;
-  }
-
-  #keys() {
-    const text = "Keys: ← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks · R begins and ends a range. Clicking or dragging on the lanes selects a turn, too, dragging along the turns above them a range.";
-    return gk.node("p", { class: "note keys", text });
   }
 
   get last() {
@@ -161,11 +157,15 @@ gk.Player = class {
     this.mark(anchor);
     [this.chosen, this.solo] = [agent, agent !== null && solo];
     this.#stress();
-    if (focus) {
-      this.moved = true;
-      this.host.closest("section")?.scrollIntoView({ block: "start", behavior: "instant" });
-      this.slider.focus({ preventScroll: true });
-    }
+    if (focus) this.#bringIntoSight();
+  }
+
+  // Where the player begins stands at the top of the window, below the list of `gamekeeper view`.
+  #bringIntoSight() {
+    this.moved = true;
+    const top = gk.served ? [this.pairing, this.jumps].find((part) => !part.hidden) : this.host.closest("section");
+    top?.scrollIntoView({ block: "start", behavior: "instant" });
+    this.slider.focus({ preventScroll: true });
   }
 
   // Puts an episode beside the one on show.
@@ -173,12 +173,14 @@ gk.Player = class {
     const first = this.decks[0]?.entry;
     this.moved = true;
     if (!first) return this.open([entry]);
-    return this.#show(first === entry ? [first] : [first, entry]);
+    await this.#show(first === entry ? [first] : [first, entry]);
+    return this.#bringIntoSight();
   }
 
   async #show(entries, turn) {
     this.pause();
     const mine = ++this.generation;
+    this.goesOn = false;
     try {
       const episodes = await Promise.all(entries.map((entry) => gk.load(entry.run, entry.episode)));
       if (mine !== this.generation) return; // the reader chose another one meanwhile
@@ -266,6 +268,7 @@ gk.Player = class {
   to(turn, from = null) {
     if (from !== null) this.mark(from); // a range, to this turn
     this.turn = Math.max(0, Math.min(this.last, Math.round(turn)));
+    this.follow.checked = this.turn === this.last; // a reader who goes back stays there
     this.render();
   }
 
@@ -382,5 +385,13 @@ gk.Player = class {
     await this.#show(entries, turn);
     this.decks.forEach((deck, i) => deck.lookLike(looks[i]));
     if (following) this.to(this.last);
+    this.goesOn = following && entries.length === 1 && entries[0].end !== "open";
+  }
+
+  // From the end of an episode that was followed to the one that is recorded next.
+  goOn() {
+    if (!this.goesOn || !this.follow.checked) return;
+    const next = this.entries.findLast((entry) => entry.run === this.decks[0].entry.run && entry.end === "open" && entry.packed);
+    if (next) this.open([next]);
   }
 };

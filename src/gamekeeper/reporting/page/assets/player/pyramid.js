@@ -1,4 +1,4 @@
-// An agent's lane seen from afar: bins of 4, 8, 16, … turns with the largest and smallest reward in each and whether it acted.
+// A lane, of an agent or of several, seen from afar: bins of 4, 8, 16, … turns with the largest and smallest reward in each and whether it acted.
 // Made when an agent first comes in sight and kept for the last few: 10^5 turns of hundreds of agents stay small.
 
 const FINEST = 4; // turns in the smallest bins; below that the rows themselves are few enough
@@ -40,12 +40,14 @@ gk.mergeBin = (into, bin, from, other) => {
   if (from.what[other]) mixWhat(into, bin, from.what[other]);
 };
 
-const build = (episode, agent) => {
+const build = (episode, agents) => {
   const count = Math.ceil((episode.last + 1) / FINEST);
   const finest = emptyLevel(FINEST, count);
-  for (let i = episode.agentStart[agent]; i < episode.agentStart[agent + 1]; i++) {
-    const row = episode.agentRows[i];
-    gk.intoBin(finest, Math.floor(episode.turn[row] / FINEST), episode, row);
+  for (const agent of agents) {
+    for (let i = episode.agentStart[agent]; i < episode.agentStart[agent + 1]; i++) {
+      const row = episode.agentRows[i];
+      gk.intoBin(finest, Math.floor(episode.turn[row] / FINEST), episode, row);
+    }
   }
   const levels = [finest];
   for (let below = finest; below.what.length > 64; ) {
@@ -64,12 +66,12 @@ gk.Pyramids = class {
   }
 
   // The coarsest level whose bins are no wider than a pixel; null where the rows themselves are to be read.
-  level(agent, turnsPerPixel) {
+  level(lane, turnsPerPixel) {
     if (turnsPerPixel < FINEST) return null;
-    let levels = this.built.get(agent);
-    if (levels) this.built.delete(agent);
-    else levels = build(this.episode, agent);
-    this.built.set(agent, levels);
+    let levels = this.built.get(lane);
+    if (levels) this.built.delete(lane);
+    else levels = build(this.episode, lane.agents);
+    this.built.set(lane, levels);
     if (this.built.size > KEPT) this.built.delete(this.built.keys().next().value);
     let best = levels[0];
     for (const level of levels) if (level.width <= turnsPerPixel) best = level;

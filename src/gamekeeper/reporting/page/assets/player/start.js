@@ -66,6 +66,7 @@ const keepUp = (player) => {
     for (const [key, entry] of known) if (!runs.has(entry.run)) known.delete(key); // a future that wasn't kept
     if (news.episodes.length) player.fill([...known.values()]);
     for (const entry of news.episodes) await player.grow(entry);
+    player.goOn();
     if (!player.decks.length) begin(player);
   };
   player.refresh = ask;

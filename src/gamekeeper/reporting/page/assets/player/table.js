@@ -42,21 +42,41 @@ gk.actionText = (episode, row) => {
   return `${name} (${text})`;
 };
 
+// Several numbers, each short; null of anything else.
+const numbersText = (value) => {
+  if (!Array.isArray(value) || !value.every(Number.isFinite)) return null;
+  return `[${value.map(gk.short).join(", ")}]`;
+};
+
 // What an agent does at a turn, to stand beside its name: its action, else why there is none.
 gk.doingText = (episode, agent, turn) => {
   const row = episode.rowOf(agent, turn);
-  if (row >= 0 && episode.action[row] >= 0) return actionName(episode, row) ?? `action ${gk.actionText(episode, row)}`;
+  if (row >= 0 && episode.action[row] >= 0) return actionName(episode, row) ?? numbersText(episode.value(episode.action[row])) ?? `action ${gk.actionText(episode, row)}`;
   if (episode.hasEnded(agent, turn)) return "has ended";
   if (!episode.isThere(agent, turn)) return "";
   return turn < episode.last && episode.isTurnwise ? "not its turn" : "no action";
 };
 
+// How many of these agents act at a turn.
+gk.actedOf = (episode, agents, turn) => agents.filter((agent) => {
+  const row = episode.rowOf(agent, turn);
+  return row >= 0 && episode.acted(row);
+}).length;
+
+// The least and the largest of numbers; "" where there is none.
+gk.between = (values) => {
+  const known = values.filter((value) => value !== null && !Number.isNaN(value));
+  const [low, high] = [known.reduce((a, b) => Math.min(a, b), Infinity), known.reduce((a, b) => Math.max(a, b), -Infinity)];
+  return known.length === 0 ? "" : low === high ? gk.number(low) : `${gk.number(low)} to ${gk.number(high)}`;
+};
+
 gk.TurnTable = class {
-  constructor(episode, label) {
+  // `lanes`: an agent, or a folded role, has a row as it has a lane.
+  constructor(episode, label, lanes) {
     this.episode = episode;
+    this.lanes = lanes;
     this.from = 0;
     this.other = null;
-    this.chosen = null;
     this.columns = this.#columns();
     this.head = gk.node("tr", {}, gk.node("th", { scope: "col", text: "agent" }), ...this.columns.map(headCell));
     this.body = gk.node("tbody");
@@ -96,29 +116,24 @@ gk.TurnTable = class {
     this.other = other;
     const e = this.episode;
     const [from, past] = e.rowsAt(turn);
-    const few = e.agents.length <= FEW;
-    const count = few ? e.agents.length : past - from;
+    const rows = new Map();
+    for (let row = from; row < past; row++) rows.set(e.agent[row], row);
+    const { order, chosen } = this.lanes;
+    const lanes = e.agents.length <= FEW ? order : order.filter(({ agents }) => agents.some((agent) => rows.has(agent)));
+    const count = lanes.length;
     if (this.from >= count) this.from = 0;
     const shown = Math.min(AT_ONCE, count - this.from);
     while (this.rows.length < shown) this.#addRow();
     this.rows.forEach((cells, i) => {
       cells.row.hidden = i >= shown;
       if (i >= shown) return;
-      const agent = few ? i : e.agent[from + this.from + i];
-      const name = e.agents[agent].name;
-      cells.row.hidden = this.solo && this.chosen !== null && name !== this.chosen;
-      cells.row.classList.toggle("chosen", name === this.chosen);
-      this.#fill(cells, agent, few ? rowAmong(e, from, past, agent) : from + this.from + i, turn);
+      const lane = lanes[this.from + i];
+      cells.row.classList.toggle("chosen", lane.name === chosen);
+      this.#fill(cells, lane, lane.agents.map((agent) => rows.get(agent) ?? -1), turn);
     });
     gk.say(this.caption, this.#says(turn, from, past));
     this.pager.hidden = count <= AT_ONCE;
     if (!this.pager.hidden) gk.say(this.range, ` ${this.from + 1} to ${this.from + shown} of ${count} `);
-  }
-
-  // An agent's row stands out, or is alone.
-  stress(name, solo) {
-    this.chosen = this.episode.slot.has(name) ? name : null;
-    this.solo = solo;
   }
 
   #says(turn, from, past) {
@@ -139,18 +154,31 @@ gk.TurnTable = class {
     this.rows.push({ row, sign, name, cells });
   }
 
-  #fill({ row: line, sign, name, cells }, agent, row, turn) {
+  #fill({ row: line, sign, name, cells }, lane, rows, turn) {
     const e = this.episode;
-    gk.signAgent(sign, e.agents[agent]);
-    gk.say(name, gk.visible(e.agents[agent].name));
-    line.classList.toggle("absent", row < 0);
-    line.classList.toggle("acted", row >= 0 && e.acted(row));
+    const [[agent], [row]] = [lane.agents, rows];
+    gk.signLane(sign, e, lane);
+    gk.say(name, gk.visible(lane.name));
+    line.classList.toggle("absent", rows.every((each) => each < 0));
+    line.classList.toggle("acted", rows.some((each) => each >= 0 && e.acted(each)));
+    if (lane.fold !== undefined) return this.columns.forEach((column, i) => this.#sum(cells[i], column, lane.agents, rows, turn));
     const slot = this.other ? this.other.slot.get(e.agents[agent].name) : undefined;
     const otherRow = slot === undefined ? -1 : this.other.rowOf(slot, turn);
     this.columns.forEach((column, i) => {
       this.#say(cells[i], column, agent, row, turn);
       cells[i].classList.toggle("differs", this.other !== null && this.#differs(column, row, otherRow));
     });
+    return undefined;
+  }
+
+  // Of several agents the least and the largest number, how many acted and have ended.
+  #sum(cell, column, agents, rows, turn) {
+    const e = this.episode;
+    const { field, number } = column;
+    cell.classList.remove("zero", "differs");
+    if (number) return gk.say(cell, gk.between(agents.map((agent, i) => this.#number(column, agent, rows[i], turn))));
+    if (field === "action") return gk.say(cell, `${gk.actedOf(e, agents, turn)} acted`);
+    return gk.say(cell, field === "ended" ? `${rows.filter((row) => row >= 0 && Math.max(e.terminated[row], e.truncated[row]) > 0).length}` : "");
   }
 
   // Numbers; a zero is pale, for the eye looks for the others.
@@ -202,9 +230,4 @@ const headCell = ({ title, note, number, isTerm }) => {
     gk.signTerm(made.firstChild, title);
   }
   return made;
-};
-
-const rowAmong = (episode, from, past, agent) => {
-  for (let row = from; row < past; row++) if (episode.agent[row] === agent) return row;
-  return -1;
 };

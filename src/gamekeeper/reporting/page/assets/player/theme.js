@@ -52,6 +52,15 @@ gk.signAgent = (element, { name, role }) => {
   element.style.clipPath = CLIPS[gk.placeOf("role", role) % CLIPS.length];
 };
 
+// The sign of a lane: of a folded role its shape in grey.
+gk.signLane = (element, episode, { agents, fold }) => {
+  const member = episode.agents[agents[0]];
+  gk.signAgent(element, member);
+  if (fold === undefined) return;
+  element.style.background = "var(--grey)";
+  if (fold !== member.role) element.style.clipPath = "none";
+};
+
 // Calls back when colours changed, so that canvases are drawn again.
 gk.onColours = (listener) => {
   listeners.push(listener);

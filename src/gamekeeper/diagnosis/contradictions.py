@@ -1,4 +1,4 @@
-"""Shares of failure that contradict: of recorded episodes, and of fresh ones. Pure."""
+"""Recorded and fresh shares of failure that contradict each other. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
