@@ -47,7 +47,7 @@ def test_broken_promise_is_shown_with_its_program(capfd: pytest.CaptureFixture[s
     assert lines[0] == f"{PAID} (Parallel): 0 passed, 1 failed (1 high)"
     assert "Failed: high severity" in lines
     assert "  GK402  Should hold: An agent that has ended is paid nothing more." in lines
-    title = "A program that shows GK402: it fails as long as the check does\n"
+    title = "A program that shows GK402: it passes once that is fixed\n"
     program = out.partition(title)[2].partition("\n  --out")[0]
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert "AssertionError" in done.stderr

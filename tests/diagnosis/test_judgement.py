@@ -60,6 +60,25 @@ def test_one_that_restores_alone_is_isolated() -> None:
     assert answer.substitutes == (NOISE,)
 
 
+def test_a_larger_effect_that_may_be_chance_leaves_the_cause_open() -> None:
+    """What passes the correction by its small variance isn't shown to be the only cause."""
+    unchanged = share(43 / N)
+    steady, unsteady = unchanged.copy(), unchanged.copy()
+    steady[43:56] = 1
+    unsteady[43:], unsteady[:6] = 1, 0
+    arms = {NOISE: steady, SLIP: unsteady}
+
+    answer = judged(unchanged, arms, dropped=20, rng=np.random.default_rng(0))
+
+    assert [one.restores for one in answer.tried] == [True, False]
+    assert (answer.answer, answer.labels) == ("ambiguous", ("perception", "control"))
+    assert answer.substitutes == (NOISE, SLIP)
+    assert answer.why.endswith("as much changes by slip = 0, not yet beyond chance")
+    del arms[SLIP]
+    alone = judged(unchanged, arms, dropped=20, rng=np.random.default_rng(0))
+    assert (alone.answer, alone.labels) == ("isolated", ("perception",))
+
+
 def test_what_contains_a_restoring_substitute_says_nothing() -> None:
     """The true state cures noise by declaration, so it isn't a second cause."""
     assert found(0.1, noise=0.95, truth=0.95).labels == ("perception",)

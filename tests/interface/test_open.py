@@ -132,7 +132,7 @@ def test_open_env_says_which_part_of_a_module_is_missing() -> None:
     assert "'mpe2' has no module 'simple_sprad_v3'; the nearest" in told("mpe2.simple_sprad_v3:env")
     assert "no module 'mpe22' is installed" in told("mpe22.simple_spread_v3:env")
     assert "'simple_spread_v3'" in told("mpe2.simple_sprad_v3")
-    assert "the nearest are 'parallel_env', 'raw_env'" in told("mpe2.simple_spread_v3:paralel_env")
+    assert "the nearest is 'parallel_env'" in told("mpe2.simple_spread_v3:paralel_env")
 
 
 def test_open_env_finds_modules_in_the_current_folder(

@@ -71,7 +71,7 @@ def test_diff_leaves_volatile_infos_out(tmp_path: Path) -> None:
     [
         ({"seed": 1}, "seed", None),
         ({"options": {"start": 2}}, "options", (None, '{"start":2}')),
-        ({"episodes": 3}, "episode", (None, "present")),
+        ({"episodes": 3}, "episode", ("missing", "present")),
         ({"env_kwargs": {"turns": 5}}, "environment.kwargs", ({}, {"turns": 5})),
     ],
 )

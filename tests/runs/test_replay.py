@@ -47,7 +47,7 @@ def test_replay_names_the_source_that_changed(tmp_path: Path) -> None:
     assert np.array_equal(place.recorded * 2, place.replayed), "values cross as they were"
     assert (result.verified, result.within_tolerance) == (False, None)
     assert list(result.versions) == ["source"]
-    assert "it changed since the recording: its source" in str(result.cause)
+    assert "changed since the recording (its source)" in str(result.cause)
     document = json.loads(json.dumps(result.to_json()))["divergence"]
     assert {"$": "ndarray", "dtype": "<f8", "shape": [3]}.items() <= document["recorded"].items()
 

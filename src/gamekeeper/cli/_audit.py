@@ -192,12 +192,9 @@ def show_audit(screen: Screen, document: Mapping[str, Any], *, is_written: bool)
     program = program_of(document)
     if program is not None:
         id, text = program
-        lines = text.count("\n")
-        if lines <= MOST_LINES:
-            screen.show(f"\nA program that shows {id}: it fails as long as the check does")
+        if text.count("\n") <= MOST_LINES:
+            screen.show(f"\nA program that shows {id}: it passes once that is fixed")
             screen.program(text)
-        else:
-            screen.show(f"\nA program of {lines} lines shows {id}.")
         others = "" if is_written else "  --out FOLDER writes the programs of all findings.\n"
         screen.show(f"\n{others}  gamekeeper explain {id} says why it matters.")
     known = checks().keys()

@@ -45,6 +45,6 @@ def command(
         screen.show("Nothing was written. `gamekeeper replay RUN` looks for the cause.")
         divergence = error.divergence.to_json()
         return CommandResult({"run": str(run), "out": None, "divergence": divergence}, 1)
-    screen.verdict(f"expanded, every witness verified: {out}", "good")
+    screen.verdict(f"expanded into {out}: rewards, flags and stored digests as recorded", "good")
     show_recorded(screen, evidence)
     return CommandResult({**evidence.to_json(), "expanded": str(run), "divergence": None})

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 ORDER: Final = 40
 UNFINALIZED: Final = "missing, as the run was never finalized"
+TYPED: Final = ("named", "allow_import")
+"""Rules of consent that the user has just typed as an option."""
 SAME_VERSIONS: Final = "The versions are those of the recording."
 
 
@@ -53,8 +55,9 @@ def command(
             on_message=take,
         )
     show_replayed(screen, replayed)
-    if replayed.consent is not None:
-        screen.note(str(replayed.consent))
+    consent = replayed.consent
+    if consent is not None and (consent.rule not in TYPED or consent.pythonpath):
+        screen.note(str(consent))
     document = {**replayed.to_json(), "verdicts": show_failed_rows(screen, load(run))}
     return CommandResult(document, replay_code(replayed))
 

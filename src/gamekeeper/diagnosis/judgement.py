@@ -160,7 +160,8 @@ def judged(
     best = [one for one in best if not _is_eased(one, tried)]
     singles = [one for one in best if not _is_of_several(one.substitute)]
     if singles:
-        return _beside_policies(_of_singles(singles, tried, success, skipped), arms, rng)
+        found = _of_singles(singles, tried, success, skipped, acquitted)
+        return _beside_policies(found, arms, rng)
     better = [one for one in best if _beats_its_parts(one, arms, rng)]
     if better:
         return _of_pairs(better, tried, success)
@@ -180,7 +181,7 @@ def judged(
         )
         return ScopeFinding("ambiguous", labels, (), tried, success, why)
     why = _why_none(arms, everything, skipped, limit, dropped)
-    why += f", nor do {paired} pairs of undos at two agents" if paired else ""
+    why += f", nor do {paired} pairs of changes at two agents" if paired else ""
     answer = "unexplained" if arms or dropped else "not_tried"
     return ScopeFinding(answer, (), (), tried, success, why)
 
@@ -229,7 +230,7 @@ def _why_none(
         ideals = [one for one in arms if one.undo is None]
         begin = "no ideal substitute restores success, nor does any" if ideals else "none"
         end = ", each alone" if ideals else " restores success alone"
-        what = "undos from outside, memory resets, fresh objects and policies of peers"
+        what = "changes to an agent's observations, actions, memory or policy"
         return f"{begin} of {count} {what}{end}"
     if skipped:
         played = f"none of {len(arms)} that were played restores success" if arms else "none was"
@@ -342,13 +343,40 @@ def _of_singles(
     tried: tuple[Tried, ...],
     success: tuple[float, float, float],
     skipped: Sequence[IdealSubstitute],
+    acquitted: Collection[str],
 ) -> ScopeFinding:
     substitutes = _at_both(_with_peers([one.substitute for one in least], tried))
     # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     answer, why = _answer_of(substitutes, rivals, tried)
+    if answer == "isolated":
+        ties = [one for one in _ties(least, tried) if not _is_cleared(one, acquitted)]
+        names = " and by ".join(one.name for one in ties)
+        why += f"; as much changes by {names}, not yet beyond chance" if ties else ""
+        answer, substitutes = "ambiguous" if ties else answer, (*substitutes, *ties)
     labels = _labels((*substitutes, *rivals))
     return ScopeFinding(answer, labels, substitutes, tried, success, why)
+
+
+def _ties(least: Sequence[Tried], tried: Sequence[Tried]) -> list[IdealSubstitute]:
+    """Others of another place, in which the success rate rises as much, if not beyond chance.
+
+    The correction for all that were tried may let one of several equal effects pass: that one
+    isn't shown to be the only one.
+    """
+    names = {one.substitute.name for one in least}
+    places = {(one.substitute.component, one.substitute.agents) for one in least}
+    most = max(one.effect.value for one in least)
+    return [
+        one.substitute
+        for one in tried
+        if not one.restores
+        and one.effect.value >= most
+        and one.effect.low > 0
+        and not one.substitute.contains & names
+        and not _is_of_several(one.substitute)
+        and (one.substitute.component, one.substitute.agents) not in places
+    ]
 
 
 def _at_both(substitutes: Sequence[IdealSubstitute]) -> tuple[IdealSubstitute, ...]:

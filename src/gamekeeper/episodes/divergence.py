@@ -34,7 +34,7 @@ SET_UP = {
 }  # fields in which runs differ before their first turn, in words
 WORDS = {
     **SET_UP,
-    "episode": "the number of episodes",
+    "episode": "the number of episodes (only one side has this one)",
     "endings": "the reasons for which agents ended",
     "digest": "the digest of the row (its values aren't in the run, or are spelled otherwise)",
 }
@@ -189,8 +189,8 @@ class Divergence:
         if self.witness is None:
             return ""
         return (
-            f"at level actions it may have begun at any turn after {self.witness}, the last "
-            "witness, or unnoticed in an episode before"
+            f"at level actions it may have begun at any turn after {self.witness}, the last whose "
+            "digest is in the run, or in an episode before"
         )
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""`gymnasium:CartPole-v1`: an environment of Gymnasium's, of one agent or of several in tuples."""
+"""`gymnasium:CartPole-v1`: a Gymnasium environment, also module:factory; one agent, or tuples."""
 
 import functools
 from collections.abc import Callable
@@ -146,7 +146,7 @@ def _refuse(env: Any, name: str) -> None:
 
 
 WORD: Final = "gymnasium"
-SYNTAX: Final = "gymnasium:CartPole-v1, or gymnasium:module:factory"
+SYNTAX: Final = "gymnasium:CartPole-v1"
 ORDER: Final = 5
 """Before callables: a Gymnasium environment may be one."""
 
@@ -208,7 +208,7 @@ def source_of_id(module: str | None, env_id: str, shown: str) -> Source:
             where=shown,
             expected=missing.expected,
             actual=f"{error}; {missing.actual}",
-            fix="name the module that registers it: gymnasium:module:Id-v0",
+            fix="use one of these, or name the module that registers it: gymnasium:module:Id-v0",
         ) from None
     point = entry.entry_point
     home = point.partition(":")[0] if isinstance(point, str) else getattr(point, "__module__", "")

@@ -121,7 +121,7 @@ def build(source: Source, kwargs: Mapping[str, Any]) -> Env:
 
 def nearest(name: str, names: Iterable[str]) -> str:
     """A clause naming the likeliest of what is there, or nothing: `; the nearest is 'make'`."""
-    close = difflib.get_close_matches(name, list(names), n=3, cutoff=0.6)
+    close = difflib.get_close_matches(name, list(names), n=3, cutoff=0.7)
     quoted = ", ".join(repr(other) for other in close)
     return f"; the nearest {'is' if len(close) == 1 else 'are'} {quoted}" if close else ""
 

@@ -163,7 +163,7 @@ def suspected_text(audit: Document, *, width: int) -> str:
         seen = f" At {first['where']}: {first['actual']}." if first else ""
         text = f"{broken_rule(each)}{seen} Not confirmed: {each['reason']}."
         rows.append((each["id"], _short(text)))
-    return _section("Suspected (seen once, not shown again)", rows, width)
+    return _section("Suspected (failed, but not confirmed)", rows, width)
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.reporting.diagnosis_text import (
+    TEAM,
     acted_text,
     answer_sentence,
     contradiction_lines,
@@ -29,9 +30,9 @@ OF_PIVOTS: Final = ("--contract", "--policy", "--allow-import")
 MEMORY: Final = "memory"
 """Name of evidence that lies in no folder: no command could go on from it."""
 CAUSES: Final = {
-    "isolated": "this change alone restores success; of others tried, only sets that contain it do",
+    "isolated": "this change alone restores success; no other is shown to, but for sets with it",
     "joint": "several changes together restore success, and none of them does alone",
-    "ambiguous": "several changes restore success, or not all were tried: they can't be told apart",
+    "ambiguous": "several changes restore success, or may: they can't be told apart",
     "environment": "what restores success is the same for all agents",
     "protocol": "what restores success is how episodes are played, or where they are cut off",
 }
@@ -51,7 +52,7 @@ def diagnosis_screen(
         options: of the command that gave it, by their names; the lines to paste keep them.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
-    rows = [*_agents(document), *_first_turn(document), *_repairs(document)]
+    rows = [*_fails(document), *_agents(document), *_first_turn(document), *_repairs(document)]
     rows += [*_others(document), *_noted(document), *_left_out(document)]
     lines = [
         line
@@ -67,6 +68,20 @@ def _named(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """The agents of which a cause is named."""
     agents = document["agents"].items()
     return {name: each for name, each in agents if each["answer"] in CAUSES}
+
+
+def _fails(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """A row of how many episodes fail, where no cause says it with its effect."""
+    if document["team"] is None or not _is_failing(document):
+        return
+    recorded, fresh = (document[key].get(TEAM) for key in ("recorded", "fresh"))
+    if recorded and fresh:
+        yield (
+            "Fails",
+            f"{recorded['failed']} of {recorded['episodes']} recorded episodes, "
+            f"{fresh['failed']} of {fresh['episodes']} new ones; expected: "
+            f"{1 - document['expected']:.0%} at most (--expected)",
+        )
 
 
 def _agents(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -361,5 +361,5 @@ def acted_text(counterfactual: Mapping[str, Any]) -> str:
     )
     if counterfactual.get("often"):
         often, was, restored = counterfactual["often"]
-        text += f". {often} is {was:.0%} of its actions there, {restored:.0%} in the one restored"
+        text += f". {often} is {was:.0%} of its actions there, {restored:.0%} once restored"
     return text

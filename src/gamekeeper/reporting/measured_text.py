@@ -109,7 +109,7 @@ def measured_text(audit: Document, *, width: int) -> str:
     lag = lag_unit(str(audit.get("api")))
     influence = influence_text(measured.get("influence") or (), width=width, lag=lag)
     if influence and measured.get("looked_ahead"):
-        text = f"Searched up to {measured['looked_ahead']} {lag} later."
+        text = f"Searched: 0 to {measured['looked_ahead']} {lag} later."
         influence = "\n".join([influence, *wrapped(text, width, first=INDENT, rest=INDENT)])
     parts.append(influence)
     parts.append(_errors_text(measured.get("errors") or (), width=width))
@@ -246,9 +246,9 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        more = "its action changes more than what others observe"
+        more = "its actions change more than what others observe"
         why = more if value["to"] else "no effect on what others observe was seen"
-        return f"no message: {why} ({value['n']:,} comparisons)"
+        return f"none ({why}; {value['n']:,} comparisons)"
     return f"its action is a message to {words(value['to'])} ({value['n']:,} comparisons)"
 
 

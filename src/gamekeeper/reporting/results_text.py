@@ -135,7 +135,7 @@ def digests_text(evidence: Evidence) -> str:
     root = evidence.root or "none yet"
     return (
         f"  fingerprint  {evidence.fingerprint or 'none yet'}\n  root digest  {root}\n"
-        "  fingerprint: hash of what happened; root digest: of all bytes of the folder"
+        "  fingerprint: hash of what happened; root digest: of every file of the run"
     )
 
 

@@ -470,7 +470,7 @@ def diff(
     )
     for episode in sorted(one.keys() | two.keys()):
         if episode not in one or episode not in two:
-            values = ["present" if episode in side else None for side in (one, two)]
+            values = ["present" if episode in side else "missing" for side in (one, two)]
             return Divergence(episode, None, None, "episode", *values)
         found = compare_chunks(
             left.chunks(one[episode]),

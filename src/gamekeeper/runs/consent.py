@@ -20,7 +20,7 @@ from gamekeeper.runs.load_run import load
 RULES: Final = {
     "allow_import": "you allowed it with --allow-import",
     "named": "you named it with --env",
-    "own_run": "the run is your own: recorded on this machine, its files unchanged since",
+    "own_run": "the run is your own: recorded here, files unchanged",
     "installed": "it is an installed package",
     "in_memory": "this process has just played it",
 }

@@ -423,14 +423,14 @@ def _other_source(
     is_spelled = ends[0] == ends[1] and "source" not in changed  # `a:Env` may be `a.py:Env`
     if is_named and then.get("entry_point") != entry_point and not is_spelled:
         return (
-            "replays of this episode come out the same, but the environment that was named isn't "
-            f"the recorded one: {then.get('entry_point')} was recorded, {entry_point} replayed"
+            f"the environment that was named isn't the recorded one: {then.get('entry_point')} was "
+            f"recorded, {entry_point} replayed; replays of this episode agree with each other"
         )
     if changed:
         names = ", ".join("its source" if name == "source" else name for name in changed)
         return (
-            "replays of this episode come out the same, but the environment isn't as it was: it "
-            f"changed since the recording: {names}"
+            f"the environment changed since the recording ({names}); replays of this episode "
+            "agree with each other"
         )
     return None
 

@@ -108,9 +108,9 @@ def _of_parallel(signs: RoundSigns) -> FormAdvice | None:
         return FormAdvice("aec", ("reward",), text)
     if signs.priority == "unclear":
         text = (
-            "whenever an action changed what another agent of its role is paid in the same tick, "
-            "and not the reverse, it went one way along the roster; that was too rare to exclude "
-            "chance: declare schedule.conflicts, or raise the budget"
+            "where only one of two agents of a role changed the other's reward of the same tick, "
+            "it was always the earlier one in the roster, or always the later one; too rare to "
+            "exclude chance: declare schedule.conflicts, or raise the budget"
         )
         return FormAdvice(None, (), text)
     return None

@@ -318,7 +318,7 @@ def _laziness(
     if baseline == "random" and task.contract.noop_of(name) is None:
         return Laziness(
             None,
-            "the contract declares no noop for it, so random actions were played in its place, "
+            "no noop is declared, so random actions were played in its place, "
             "which isn't doing nothing (declare roles.ROLE.noop to have it tested)",
         )
     if len(peers) > 1:
