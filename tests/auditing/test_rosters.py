@@ -149,6 +149,18 @@ def test_a_last_step_that_is_left_out_is_found(part: int, id: str) -> None:
     assert broken(lambda: Counting(bend=bend)) == {id}
 
 
+def test_an_end_without_any_flag_is_told_once() -> None:
+    """Neither flag has an entry for an agent that leaves: it is gone without having ended."""
+
+    def bend(env: Any, out: Any) -> Any:
+        gone = [a for a in out[2] if a not in env.agents] if env.agents else []
+        for agent in gone:
+            del out[2][agent], out[3][agent]
+        return out
+
+    assert broken(lambda: Counting(bend=bend)) == {"GK501"}
+
+
 @pytest.mark.parametrize("paid", [None, 0.0, 0.25])
 def test_a_late_joiner_is_only_owed_a_view(paid: float | None) -> None:
     """An agent that joins in a step needs an observation; it may be paid in it, and need not."""
