@@ -130,7 +130,8 @@ def test_names_of_agents_may_be_anything(
     evidence = gk.rollout(kind(NAMES, **settings), episodes=2, out=run)
     names = evidence.manifest["agents"]
     assert [name for name, agent in zip(names, NAMES, strict=True) if name != agent] == [
-        '"\\ud800"'  # half of a pair, which UTF-8 doesn't carry
+        '""',
+        '"\\ud800"',  # half of a pair, which UTF-8 doesn't carry
     ]
     assert replayed(run, kind(NAMES, **settings)).verified
     assert verify(run).ok
@@ -150,7 +151,7 @@ def test_names_of_agents_may_be_anything(
     assert inside == ["a.npz", "page.html", "run"]
 
 
-@pytest.mark.parametrize("agents", [[0, "0"], [1, "1", "1'"], [("a", 1), '["a",1]']])
+@pytest.mark.parametrize("agents", [[0, "0"], ["", '""'], [1, "1", "1'"], [("a", 1), '["a",1]']])
 def test_names_that_are_spelled_alike_stay_apart(agents: list[Any], tmp_path: Path) -> None:
     """An agent 0 and an agent "0" have a name each, and their own rows."""
     evidence = gk.rollout(Ticks(agents), episodes=1, out=tmp_path / "run")

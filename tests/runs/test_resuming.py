@@ -188,5 +188,7 @@ def test_an_episode_of_actions_that_hangs_on_others_is_refused(tmp_path: Path) -
     resumed = gk.resume(tmp_path / "run", episode=0, **named)
     assert "turns 0 to 3 and 1 witness" in resumed.compared
     assert "weren't compared" in resumed.compared
-    with pytest.raises(EvidenceError, match="any turn after 0, the last whose digest is in the run"):
+    with pytest.raises(
+        EvidenceError, match="any turn after 0, the last whose digest is in the run"
+    ):
         gk.resume(tmp_path / "run", episode=1, **named)
