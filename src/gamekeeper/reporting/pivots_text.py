@@ -26,6 +26,9 @@ NO_ACTION: Final = "no other action of one agent that was tried at any turn succ
 LAST_TURN: Final = "the last turn from which another action of one agent succeeds"
 LONGEST: Final = 60
 """Characters of an action."""
+FALL: Final = "confirming the fall at turn "
+"""Beginning of what the budget didn't reach, where a fall was found."""
+FOUND: Final = "a fall at one turn was found"
 
 
 def pivots_text(document: Mapping[str, Any], *, width: int, has_blocks: bool = True) -> str:
@@ -113,7 +116,9 @@ def no_pivot_text(each: Mapping[str, Any]) -> str:
     seldom = "continued from the first turn, the policies seldom succeed"
     is_seldom = curve and curve[0]["turn"] == 0 and curve[0]["high"] <= 0.25
     if each["not_tried"]:
-        shown = "the budget ended before a fall at one turn was found"
+        turns = [x.removeprefix(FALL) for x in each["not_tried"] if x.startswith(FALL)]
+        what = f"the fall at turn {turns[0].partition(':')[0]} was confirmed" if turns else FOUND
+        shown = f"the budget ended before {what}"
         return f"{seldom}, and {shown}" if is_seldom else shown
     if is_seldom:
         return f"{seldom}: no turn of this episode lost it"

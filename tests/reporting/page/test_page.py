@@ -278,7 +278,11 @@ def test_wrong_document_is_refused(tmp_path: Path, content: str) -> None:
 @pytest.mark.parametrize(
     ("failure", "expected"),
     [
-        ("gain > 1e9", "0 of 3 episodes failed (failed if gain > 1e9)."),
+        (
+            "gain > 1e9",
+            "0 of 3 episodes failed (failed if gain > 1e9). Return of all agents together: "
+            "9 to 11.",
+        ),
         (
             None,
             "No condition of failure is declared. Return of all agents together: between 9 and 11.",
@@ -359,13 +363,15 @@ def test_first_screen_says_which_turn_lost_an_episode() -> None:
     fall = {"turn": 4, "loss": "draws", "agents": [], "tried": [], "p": 0.01}
     fall |= {"before": {"share": 0.9}, "after": {"share": 0.2}}
     each = {"episode": 1, "question": "falls", "curve": curve, "not_tried": []}
-    lost, never = (
+    left = ["confirming the fall at turn 4: the budget is spent"]
+    lost, never, unsure = (
         {a.question: a for a in answers_of(run, Documents(pivots={"episodes": [each | more]}))}
-        for more in ({"pivots": [fall]}, {"pivots": []})
+        for more in ({"pivots": [fall]}, {"pivots": []}, {"pivots": [], "not_tried": left})
     )
     assert lost["Lost at"].link == "#play:a/1/4"
     assert "success falls from 90% to 20%; chance lost it" in lost["Lost at"].text
     assert never["Lost at"].text.startswith("No turn of episode 1 is named: continued from")
+    assert "budget ended before the fall at turn 4 was confirmed" in unsure["Lost at"].text
 
 
 def test_equal_values_are_not_called_the_lowest() -> None:
@@ -407,6 +413,10 @@ def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: 
     block = not_asked(replace(run, failed=(True,)), told, env="ENV")
     assert block is not None
     assert "pivots" in block.title
+    assert f"gamekeeper diagnose {run.path}\n" in block.snippets[0][1]
+    undeclared = not_asked(replace(run, failed=(None,)), told, env="ENV")
+    assert undeclared is not None
+    assert f"gamekeeper diagnose {run.path} --failed 'return < " in undeclared.snippets[0][1]
     assert f"gamekeeper view {run.path} --interactive" in block.snippets[0][1]
     assert "Counterfactual" not in found
     assert (found["State"].word, "Evidence" in found) == ("finalized", False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, TypedDict
@@ -130,12 +131,20 @@ def _outcome(run: ShownRun) -> Answer | None:
     if all(each is None for each in run.failed):
         return _paid(run)
     bad = [k for k, each in enumerate(run.failed) if each]
-    text = f"{failed_text(run.failed)} (failed if {run.condition})."
+    text = f"{failed_text(run.failed)} (failed if {run.condition}).{_team_range(run)}"
     if not bad:
         return Answer("Outcome", text, "passed", "passed")
     return Answer(
         "Outcome", text, "failed", "failed", **_last_turn(run, run.figures.headers[bad[0]])
     )
+
+
+def _team_range(run: ShownRun) -> str:
+    """A sentence on the lowest and the highest of the team's returns, where they differ."""
+    low, high = (f(run.figures.team) if len(run.figures.team) else 0.0 for f in (np.min, np.max))
+    if not np.isfinite([low, high]).all() or shown(low) == shown(high):
+        return ""
+    return f" Return of all agents together: {shown(low)} to {shown(high)}."
 
 
 def _paid(run: ShownRun) -> Answer | None:
@@ -230,7 +239,7 @@ def _least_added(attribution: Document | None) -> tuple[str, str] | None:
     agent = list(known)[int(np.argmin(values))]
     part, others = known[agent], int(np.isclose(values, min(values)).sum()) - 1
     sign, word = (-1, "higher") if part["value"] < 0 else (1, "lower")
-    between = ""
+    between = " (too few episodes for an interval)"
     if part.get("low") is not None:
         low, high = sorted((sign * part["low"], sign * part["high"]))
         between = f" (95 % interval {shown(low)} to {shown(high)})"
@@ -376,9 +385,8 @@ def _findings(audit: Document | None) -> Answer | None:
     link: Link = {"link": "#verdicts", "link_text": "verdicts"}
     bad = [each for each in audit["verdicts"] if each.get("outcome") == "failed"]
     if not bad:
-        text = (
-            f"{_checks(sum(each.get('outcome') == 'passed' for each in audit['verdicts']))} passed."
-        )
+        counts = Counter(each.get("outcome") for each in audit["verdicts"])
+        text = f"{_checks(counts['passed'])} passed; {counts['not_exercised']} not exercised."
         return Answer("Findings", text, "0 failed", "passed", **link)
     causes = [each for each in bad if not each.get("follows_from")]
     causes.sort(key=lambda each: SEVERITIES.index(each["severity"]))
@@ -437,7 +445,7 @@ def not_asked(
         plays_on: the page itself plays on.
     """
     path = quoted(run.path)
-    asked = dict(_commands(path, env, has_failed=any(run.failed)))
+    asked = dict(_commands(path, env, _failed_option(run), has_failed=any(run.failed)))
     missing = [name for name in asked if getattr(documents, name) is None]
     is_playable = run.evidence.root is not None and env_words(run.evidence) is not None
     if is_playable and not plays_on:
@@ -453,12 +461,21 @@ def not_asked(
     )
 
 
-def _commands(path: str, env: str, *, has_failed: bool) -> Iterator[tuple[str, str]]:
-    yield "diagnosis", f"gamekeeper diagnose {path}"
+def _failed_option(run: ShownRun) -> str:
+    """The option that says when an episode failed; empty where the contract says it."""
+    if run.asked:
+        return f" --failed {quoted(run.asked)}"
+    if any(each is not None for each in run.failed) or not len(run.figures.team):
+        return ""
+    return f" --failed 'return < {np.median(run.figures.team):.4g}'"
+
+
+def _commands(path: str, env: str, failed: str, *, has_failed: bool) -> Iterator[tuple[str, str]]:
+    yield "diagnosis", f"gamekeeper diagnose {path}{failed}"
     if has_failed:
         yield (
             "pivots",
-            f"gamekeeper pivots {path} --json > pivots.json; "
+            f"gamekeeper pivots {path}{failed} --json > pivots.json; "
             f"gamekeeper report {path} --pivots pivots.json",
         )
     yield "attribution", f"gamekeeper attribute {path}"
