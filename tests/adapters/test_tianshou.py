@@ -215,7 +215,7 @@ def test_what_cant_be_is_refused() -> None:
         theirs.collect(n_step=4)
     with pytest.raises(SpecError, match="part of the buffer"):
         tianshou.Collector(first_legal(env), env, ReplayBuffer(10))
-    with pytest.raises(SpecError, match="decisions of agents"):
+    with pytest.raises(SpecError, match="needs an environment of vector_env"):
         tianshou.Collector(first_legal(env), object())
     with pytest.raises(SpecError, match="no policy"):
         made("warehouse", role="picker")

@@ -65,7 +65,7 @@ class Collector(BaseCollector):
                 where="env",
                 expected="what vector_env returned",
                 actual=type(env).__qualname__,
-                fix="gamekeeper.adapters.tianshou.tianshou_envs(spec, num_envs)",
+                fix="gamekeeper.adapters.tianshou.vector_env(spec, num_envs)",
             )
         if buffer is None:
             buffer = VectorReplayBuffer(ROWS * len(env), len(env))
