@@ -219,7 +219,7 @@ def test_what_cant_be_is_refused() -> None:
         tianshou.Collector(first_legal(env), object())
     with pytest.raises(SpecError, match="no policy"):
         made("warehouse", role="picker")
-    with pytest.raises(SpecError, match="no such share"):
+    with pytest.raises(SpecError, match="has no such value"):
         made("two_robot_line", algorithms="two")
     with pytest.raises(SpecError, match="can't be masked"):
         tianshou.masked(DiscreteActor(preprocess_net=Net(state_shape=1), action_shape=2))

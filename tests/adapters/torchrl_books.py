@@ -34,7 +34,7 @@ def batches(cell: Cell) -> str:
     batch = next(iter(collector))
     for when in (batch, batch["next"]):
         when[GROUP, "state_value"] = _values(when[GROUP], cell)
-    torchrl.advantages(batch, env.group_map, gamma=GAMMA, episode=0.0)
+    torchrl.advantages(batch, env.group_map, gamma=GAMMA, gae_lambda=0.0)
     whole = log(cell)
     compare(torchrl.decisions(batch, GROUP), cell, whole)
     compare_ends(batch, cell, whole)
