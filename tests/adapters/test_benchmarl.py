@@ -161,7 +161,7 @@ def test_what_benchmarl_cant_is_refused() -> None:
 
     with pytest.raises(SpecError, match="is saved"):
         task(lambda: None)
-    with pytest.raises(SpecError, match="how long"):
+    with pytest.raises(SpecError, match="length of an evaluation episode"):
         task(TAG, check=None)
     with pytest.raises(ContractError, match="breaks its contract"):
         task(f"{LATE}:Leaky", max_steps=10)

@@ -83,25 +83,25 @@ def test_data_set_holds_each_agents_decisions(spec: Any, tmp_path: Path) -> None
             if not turns:  # a spare that nobody needed
                 continue
             number = next(places)
-            episode = dataset[number]
-            seen = episode.observations
+            stored = dataset[number]
+            seen = stored.observations
             assert (
                 len(next(iter(seen.values())) if isinstance(seen, dict) else seen) == len(turns) + 1
             )
             for row, turn in enumerate(turns):
-                same(turn.observations[agent], at(episode.observations, row))
-                np.testing.assert_array_equal(turn.actions[agent], at(episode.actions, row))
-                assert episode.infos["turn"][row] == turn.index
+                same(turn.observations[agent], at(stored.observations, row))
+                np.testing.assert_array_equal(turn.actions[agent], at(stored.actions, row))
+                assert stored.infos["turn"][row] == turn.index
                 if agent in turn.masks and "action_mask" in turn.infos[agent]:
-                    same(turn.masks[agent], episode.infos["action_mask"][row])
+                    same(turn.masks[agent], stored.infos["action_mask"][row])
             total = sum(
                 t.rewards.get(agent, 0.0) for t in episode.turns if t.index >= turns[0].index
             )
-            assert episode.rewards.sum() == pytest.approx(total)
+            assert stored.rewards.sum() == pytest.approx(total)
             last = [t for t in episode.turns if agent in t.terminated][-1]
-            assert episode.terminations[-1] == last.terminated[agent]
-            assert episode.truncations[-1] == last.truncated[agent]
-            assert not episode.terminations[:-1].any()
+            assert stored.terminations[-1] == last.terminated[agent]
+            assert stored.truncations[-1] == last.truncated[agent]
+            assert not stored.terminations[:-1].any()
             told = next(iter(dataset.storage.get_episode_metadata([number])))
             assert told["seed"] == episode.seed
             assert told["gamekeeper"]["end"] == "ended"
@@ -184,7 +184,7 @@ def test_agent_of_ours_is_read_as_its_own_decisions(tmp_path: Path) -> None:
     back = rows_of(again, "giver_0")
     assert len(back) == len(rows)
     for one, two in zip(rows, back, strict=True):
-        for name in ("obs", "action", "mask", "terminated", "truncated", "info"):
+        for name in ("obs", "action", "action_mask", "terminated", "truncated", "info"):
             assert one[name] == two[name], name
     assert again.path == tmp_path / "run"
     assert again.manifest["status"] == "finalized"

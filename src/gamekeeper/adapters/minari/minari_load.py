@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from gymnasium import spaces
 
-from gamekeeper.episodes.buffer import EpisodeEnd, EpisodeStart
+from gamekeeper.episodes.buffer import TURN, EpisodeEnd, EpisodeStart
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.spaces import Codec
@@ -232,6 +232,7 @@ def _text(value: Any) -> str | None:
 
 
 METADATA: Final = "metadata.json"
+UNTIMED: Final = (None,) * (TURN - 3)  # of a turn: neither times nor a state
 EPISODES: Final = 200  # read out of one opening of the file
 LACKS: Final = ("wall times", "states", "seeds of episodes that name none")
 KEPT: Final = (
@@ -385,7 +386,7 @@ def _play(dataset: Any, script: Script, sink: Any) -> None:
                     )
                 )
                 buffer.done.extend((row.order, done, row.reward, row.terms, None, wild))
-            buffer.turns.extend((episode, turns, len(rows), None, None, None))
+            buffer.turns.extend((episode, turns, len(rows), *UNTIMED))
             if not turns % 256:
                 sink.keep_up()
         has_ended = bool(np.any(data.terminations[-1:]) or np.any(data.truncations[-1:]))
