@@ -65,7 +65,7 @@ class OneList(Rovers):
 
 # Who is gone from the list is missing in the next episode.
 @faulty("GK102", also=("GK103", "GK604"))
-class OneListForGood(Rovers):
+class OneListForGood(OneList):
     """`agents` is the same list as possible_agents, and loses who ended for good.
 
     A reset takes the list that is there.
@@ -74,25 +74,9 @@ class OneListForGood(Rovers):
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """Begins with the agents that the list still has, or with all."""
         roster = self.possible_agents or [f"rover_{i}" for i in range(self.count)]
-        self.possible_agents = [f"rover_{i}" for i in range(self.count)]
         out = super().reset(seed, options)
         self.agents = self.possible_agents = roster
         return tuple({agent: part[agent] for agent in roster} for part in out)
-
-    def step(self, actions: dict[str, Any]) -> Any:
-        """Takes the ended out of the one list there is."""
-        roster, self.possible_agents = self.possible_agents, list(self.cells)
-        out = super().step(actions)
-        roster[:] = self.agents
-        self.agents = self.possible_agents = roster
-        return out
-
-    def state(self) -> Any:
-        """Of the rovers that there were."""
-        seen, self.possible_agents = self.possible_agents, list(self.cells)
-        out = super().state()
-        self.possible_agents = seen
-        return out
 
 
 # The next episode isn't that of a fresh instance: somebody is missing in it.
