@@ -2,7 +2,8 @@
 
 For every list in requirements/trainers: a fresh virtual environment, its packages (locked ones
 where there is a lock), seconds and MB of both, the trainer's version; then `examples/NAME_*.py`
-with each seed, one by one, and in Tianshou's environment the examples that need torch alone.
+with each seed, one by one, and in Tianshou's environment the examples that need torch alone; with a
+checkout of EPyMARL (`--epymarl epymarl/src`) its example too.
 What is kept and lost stands in the docstrings of the adapter, and is taken from there.
 
     python benchmarks/trainers.py --only sb3 [--examples sb3_own] [--seeds 0 1 2] [--quick]
@@ -31,6 +32,8 @@ ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
 DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
 """What a trainer is called on the index, where its list is called otherwise."""
 TORCH_ALONE: Final = ("mappo_warehouse", "ppo_parallel", "selfplay_connect_four")
+WAYS: Final = {"sb3_own": (["--way", "dict"], ["--way", "image"])}
+"""Arguments of an example that is run in more than one way."""
 FIELDS: Final = ("kept", "changed", "lost", "refused")
 
 
@@ -74,28 +77,36 @@ def installed(name: str, folder: Path) -> dict[str, Any]:
     return {"version": told.stdout.strip(), "mb": round(size / 1e6), "seconds": round(seconds)}
 
 
-def scripts(name: str, only: list[str] | None) -> list[Path]:
-    """Examples that are run in a trainer's environment; `only`: of these names."""
+def commands(name: str, only: list[str] | None, epymarl: Path | None) -> list[list[str]]:
+    """Examples, with arguments, that are run in a trainer's environment; `only`: of these names."""
     folder = ROOT / "examples"
-    found = sorted(folder.glob(f"{name}_*.py"))
+    found = [
+        [str(path), *way] for path in sorted(folder.glob(f"{name}_*.py")) for way in ways(path)
+    ]
     if name == "tianshou":
-        found += [folder / f"{example}.py" for example in TORCH_ALONE]
-    return [path for path in found if only is None or path.stem in only]
+        found += [[str(folder / f"{example}.py")] for example in TORCH_ALONE]
+        found += [[str(folder / "epymarl_own.py"), str(epymarl)]] if epymarl else []
+    return [command for command in found if only is None or Path(command[0]).stem in only]
+
+
+def ways(script: Path) -> tuple[list[str], ...]:
+    """Arguments of each way in which an example is run."""
+    return WAYS.get(script.stem, ([],))
 
 
 def examples(
-    found: list[Path], python: Path, seeds: list[int], *, quick: bool
+    found: list[list[str]], python: Path, seeds: list[int], *, quick: bool
 ) -> Iterator[dict[str, Any]]:
     """What each of these examples prints last, seed by seed; `error` where it prints nothing."""
     for script in found:
         for seed in seeds:
-            command = [str(python), str(script), "--seed", str(seed)] + ["--quick"] * quick
-            done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3_600)
+            command = [str(python), *script, "--seed", str(seed)] + ["--quick"] * quick
+            done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
             lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
             if lines:
                 yield json.loads(lines[-1])
             else:
-                yield {"example": script.stem, "seed": seed, "error": done.stderr[-500:]}
+                yield {"example": Path(script[0]).stem, "seed": seed, "error": done.stderr[-500:]}
 
 
 def reached(one: dict[str, Any]) -> str:
@@ -104,14 +115,23 @@ def reached(one: dict[str, Any]) -> str:
     if one.get("interval"):
         told = f"{one['interval'][0]:g} to {one['interval'][1]:g}, {told}"
     replayed = {None: "", True: ", replayed", False: ", not replayed"}[one.get("replayed")]
-    return f"{one['result']:g} ({told}{replayed})"
+    return f"{figure(one['result'])} ({told}{replayed})"
+
+
+def figure(value: float | dict[str, float]) -> str:
+    """A number, or one for each opponent."""
+    if isinstance(value, dict):
+        return " and ".join(f"{each:g} against {name}" for name, each in value.items())
+    return f"{value:g}"
 
 
 def row(found: dict[str, Any]) -> str:
     """A trainer's row of docs/trainers.md."""
     by_example: dict[str, list[dict[str, Any]]] = {}
     for one in found["examples"]:
-        by_example.setdefault(one["example"], []).append(one)
+        by_example.setdefault(" ".join([one["example"], one.get("way", "")]).strip(), []).append(
+            one
+        )
     results = []
     for name, runs in by_example.items():
         good = [one for one in runs if "result" in one]
@@ -119,7 +139,7 @@ def row(found: dict[str, Any]) -> str:
             results.append(f"`{name}`: didn't run")
             continue
         values, about = ", ".join(map(reached, good)), good[0]
-        results.append(f"`{name}`, {about['measure']}: {values}; wanted {about['wanted']}")
+        results.append(f"`{name}`, {about['measure']}: {values}; wanted {figure(about['wanted'])}")
     cells = [
         f"{found['trainer']} {found['version']}",
         f"{found['mb']:,} MB, {found['seconds']} s",
@@ -134,6 +154,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=names(), default=names())
     parser.add_argument("--examples", nargs="+", help="of these names alone; default all")
+    parser.add_argument("--epymarl", type=Path, help="the folder src of a checkout of EPyMARL")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2])
     parser.add_argument("--quick", action="store_true", help="examples take a few steps")
     parser.add_argument("--keep", type=Path, help="where the environments stay")
@@ -143,7 +164,10 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as scratch:  # gigabytes, so one at a time
             folder = given.keep or Path(scratch)
             found = {"figure": FIGURE, "trainer": name, **installed(name, folder), "examples": []}
-            python, runs = folder / name / "bin" / "python", scripts(name, given.examples)
+            python, runs = (
+                folder / name / "bin" / "python",
+                commands(name, given.examples, given.epymarl),
+            )
             for one in examples(runs, python, given.seeds, quick=given.quick):
                 print(json.dumps({"figure": FIGURE, **one}), flush=True)
                 found["examples"].append(one)

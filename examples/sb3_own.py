@@ -101,7 +101,13 @@ def make_model(way: str, venv: Any, seed: int) -> Any:
 
     common = {"gamma": 0.95, "device": "cpu", "seed": seed}
     if way == "dict":
-        sizes = {"n_steps": 32, "batch_size": 128, "n_epochs": 4, "learning_rate": 1e-3}
+        sizes = {
+            "n_steps": 32,
+            "batch_size": 128,
+            "n_epochs": 10,
+            "learning_rate": 5e-4,
+            "ent_coef": 0.01,
+        }
         more = sb3.buffer(venv, masked=True)
         return MaskablePPO("MultiInputPolicy", venv, **sizes, **common, **more)
     sizes = {"buffer_size": 30_000, "batch_size": 64, "learning_rate": 5e-4}

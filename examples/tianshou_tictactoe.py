@@ -127,6 +127,7 @@ def main() -> int:
         boards, each, steps, judged = 4, 64, 256, 50
     torch.set_num_threads(1)
     torch.manual_seed(options.seed)
+    np.random.seed(options.seed)  # Tianshou draws its batches from it
     logging.getLogger("tianshou").setLevel(logging.ERROR)
 
     begun = time.perf_counter()
