@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from gamekeeper.checks.check import checks
 from gamekeeper.cli.explain import card_of
-from gamekeeper.reporting.audit_text import failed_blocks, program_of
+from gamekeeper.reporting.audit_text import failed_blocks, program_of, suspected_text
 from gamekeeper.reporting.check_text import APIS, FENCE, SEVERITIES, Card, by_family, paragraphs
 from tests.faults import Faulty, environments
 from tests.matrix import audits
@@ -42,6 +42,8 @@ def output_of(id: str) -> str:
         lines = ["# contract.toml", each.contract.to_toml(), f"{command} --contract contract.toml"]
     for heading, text in failed_blocks(audit, width=WIDTH):
         lines += [heading, text]
+    if suspected := suspected_text(audit, width=WIDTH):
+        lines.append(suspected)
     program = program_of(audit)
     return "\n".join(lines if program is None else [*lines, "", program[1].rstrip()])
 

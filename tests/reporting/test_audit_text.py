@@ -109,6 +109,16 @@ def test_program_is_that_of_the_worst_finding() -> None:
     assert program_of(audit(verdict("GK101", "passed"))) is None
 
 
+@pytest.mark.parametrize(("failed", "is_shown"), [(5, True), (4, False)])
+def test_program_of_a_suspected_check_is_one_that_fails_everywhere(
+    failed: int, is_shown: bool
+) -> None:
+    """A check that can't be certain has a program that fails in every process; a flaky one none."""
+    how = {"failed": failed, "tried": 5, "unchanged_passed": None}
+    document = audit(verdict("GK219", "suspected", findings=[finding()], reproduced=how))
+    assert (program_of(document) is not None) == is_shown
+
+
 def test_waivers_are_shown_with_their_reasons() -> None:
     """Waived promises, waivers that nothing needs any more, and those of no check at all."""
     document = audit(

@@ -213,6 +213,8 @@ def confirmed(
 ) -> tuple[Verdict, ...]:
     """The verdicts, those that failed confirmed, suspected, or traced to a cause.
 
+    Suspected are also those of checks that can't be certain.
+
     Causes are established first. What compares two episodes, and passes once an established cause
     is held still, is a consequence; it stays failed. What one episode shows is a consequence of the
     causes alone that name its check. So is what ends in an exception that another's program ended
@@ -225,7 +227,13 @@ def confirmed(
             are.
         workers: of `confirming_workers`.
     """
-    return _confirmed(drafts, Confirmation(workers, beat, until_s))
+    return tuple(map(doubted, _confirmed(drafts, Confirmation(workers, beat, until_s))))
+
+
+def doubted(verdict: Verdict) -> Verdict:
+    """The verdict; one that failed is suspected where its check can't be certain."""
+    is_doubted = verdict.outcome == "failed" and verdict.reason != ""
+    return replace(verdict, outcome="suspected") if is_doubted else verdict
 
 
 @contextmanager

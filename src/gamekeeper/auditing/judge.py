@@ -111,7 +111,7 @@ def judge(
             len(bad),
             _first_by_field(bad, check),
             sure,
-            waiver or "",
+            check.doubt if waiver is None else waiver,
             worst.severity,
         )
     if not cases:

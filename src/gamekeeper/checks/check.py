@@ -40,6 +40,8 @@ class Check:
         api: `aec` or `parallel` where it is about one of them only.
         applies: says why there is nothing to judge.
         looks_at: what an episode must have for a case, as a noun; empty: not said.
+        doubt: how a rule of the environment may explain what is broken, so that it is only
+            suspected, also where a reproducer shows it; empty: no rule does.
         run: yields a case for every look.
     """
 
@@ -55,6 +57,7 @@ class Check:
     applies: Applies | None
     run: Run
     looks_at: str = ""
+    doubt: str = ""
 
     def reason_against(self, contract: Contract, evidence: ProbeEvidence) -> str | None:
         """Reason why it isn't applicable; None where it is."""
@@ -71,6 +74,7 @@ def check(
     api: str | None = None,
     applies: Applies | None = None,
     looks_at: str = "",
+    doubt: str = "",
 ) -> Callable[[Run], Check]:
     """Makes a check of a pure function; its docstring begins with the promise, and ends with a fix.
 
@@ -82,6 +86,7 @@ def check(
         api: where it is about one API only.
         applies: why there is nothing to judge, or None.
         looks_at: what an episode must have for a case, as a noun; said where no episode had it.
+        doubt: how a rule of the environment may explain what is broken: it is only suspected.
     """
 
     def made(run: Run) -> Check:
@@ -107,6 +112,7 @@ def check(
             applies=applies,
             run=run,
             looks_at=looks_at,
+            doubt=doubt,
         )
 
     return made

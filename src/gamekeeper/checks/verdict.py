@@ -95,9 +95,9 @@ class Verdict:
         id: of the check.
         claim: the promise, in one sentence.
         outcome: `passed`, `failed`, `suspected` (a case failed, and no reproducer shows it in
-            every fresh process), `not_exercised` (no case to look), `not_applicable` (nothing
-            of the kind is declared, or is there), `waived` (failed, with a reason in the
-            contract), `error` (the check itself raised).
+            every fresh process, or a rule of the environment may explain it), `not_exercised` (no
+            case to look), `not_applicable` (nothing of the kind is declared, or is there), `waived`
+            (failed, with a reason in the contract), `error` (the check itself raised).
         severity: how bad it is to break the promise.
         confidence: how sure the outcome is, in (0, 1].
         cases: how often it looked.

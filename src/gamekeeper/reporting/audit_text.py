@@ -214,14 +214,24 @@ def _short(text: str) -> str:
 
 
 def program_of(audit: Document) -> tuple[str, str] | None:
-    """Id and program of the worst finding that has one, a cause's where there is one."""
-    for verdict in sorted(
-        verdicts_of(audit, "failed"), key=lambda x: x["follows_from"] is not None
-    ):
+    """Id and program of the worst finding that has one, a cause's where there is one.
+
+    Where nothing failed, of a suspected one whose program failed in every process.
+    """
+    failed = sorted(verdicts_of(audit, "failed"), key=lambda x: x["follows_from"] is not None)
+    shown = [x for x in verdicts_of(audit, "suspected") if _is_shown(x["reproduced"])]
+    for verdict in (*failed, *shown):
         for finding in verdict["findings"]:
             if finding["reproducer"]:
                 return verdict["id"], finding["reproducer"]
     return None
+
+
+def _is_shown(how: Document | None) -> bool:
+    """Tells whether a program failed in every process, and not without its trigger."""
+    return (
+        how is not None and how["failed"] == how["tried"] and how["unchanged_passed"] is not False
+    )
 
 
 def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:

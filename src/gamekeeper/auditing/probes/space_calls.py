@@ -12,6 +12,7 @@ from gymnasium.spaces import Space
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
+from gamekeeper.checks.effects import changed_numbers, numbers_in
 from gamekeeper.checks.facts.space_facts import (
     AskedSpace,
     ChangedSpace,
@@ -22,6 +23,7 @@ from gamekeeper.checks.facts.space_facts import (
     SpaceFaults,
 )
 from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.checks.spaces.observed_agents import unmasked
 from gamekeeper.episodes.canonical import shown, type_name
 from gamekeeper.episodes.spaces.misfit import faults, kept, misfits, same
 from gamekeeper.rollouts.episode_loop import EpisodePlan
@@ -162,6 +164,7 @@ class _Watch:
 
     def _observe(self, turn: int, roster: list[Any]) -> None:
         chosen = getattr(self.env, "agent_selection", None)
+        own = self.session.call("observe", self.env.observe, chosen).value
         for agent in roster:
             space = self._space(agent)
             if agent == chosen or space is None:
@@ -176,7 +179,10 @@ class _Watch:
                 [each.kind, each.path, each.expected, each.actual, each.test]
                 for each in misfits(space, seen.value)
             ]
-            self._note(OthersView(failed=None, misfits=found), turn, agent, "observe")
+            one, other = (numbers_in(unmasked(each)) for each in (own, seen.value))
+            size = len(one) if len(one) == len(other) else 0
+            differs = changed_numbers(one, other)
+            self._note(OthersView(None, found, size, differs), turn, agent, "observe")
 
     def _space(self, agent: Any) -> Any:
         asked = _quietly(self.session, "observation_space", self.env.observation_space, agent)

@@ -64,10 +64,14 @@ class OthersView:
 
     Attributes:
         misfits: kind, path, expected, seen and test of each.
+        size: how many numbers it holds, those of an action mask left out.
+        differs: places of the numbers that aren't those of the agent in turn.
     """
 
     failed: str | None
     misfits: list[list[Any]]
+    size: int = 0
+    differs: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
