@@ -74,8 +74,7 @@ class Experiment:
         not_played: what the budget didn't reach, in words.
         renewals: fresh objects of policies in each episode, tried among the undos.
         undos: undos from outside, and policies of peers, that are confirmed.
-        dropped: number of those that the search dropped.
-        idle: number of memory resets that the search dropped.
+        dropped: number of undos and memory resets that the search dropped.
         paired: number of pairs of undos that were tried.
         acquitted: agents with another policy in whose place the same undo is needed.
         sound_ways: speakers and listeners whose messages arrive as they are said.
@@ -102,7 +101,6 @@ class Experiment:
     confirmed: list[str] = field(default_factory=list)
     undos: list[IdealSubstitute] = field(default_factory=list)
     dropped: int = 0
-    idle: int = 0
     paired: int = 0
     acquitted: set[str] = field(default_factory=set)
     sound_ways: frozenset[tuple[str, str]] = frozenset()
@@ -175,7 +173,7 @@ class Experiment:
         left = [name for name in singles if name not in idle]
         if left == [EVERYTHING] and self._most(EVERYTHING) < PROMISING:
             left = []
-        self.idle = len(idle)
+        self.dropped = len(idle)
         return left
 
     def _shrunk(
@@ -342,12 +340,12 @@ class Experiment:
     @property
     def fails(self) -> bool:
         """For somebody the set-up fails more often than declared, beyond chance."""
-        return any(self._is_failing(scope) for scope in self.scopes)
+        return any(map(self.is_failing, self.scopes))
 
     @property
     def raised(self) -> tuple[RaisedPolicy, ...]:
         """The policies that raised with nothing changed."""
-        return raised_in(self._unchanged())
+        return raised_in(self.unchanged())
 
     @property
     def is_broken_off(self) -> bool:
@@ -355,11 +353,11 @@ class Experiment:
         count = sum(each.count for each in self.raised)
         bad = [
             any(failed(each, self.conditions, self.contract).values())
-            for each in (self._unchanged() if count else ())
+            for each in (self.unchanged() if count else ())
         ]
         return count > 0 and count >= MOST * sum(bad)
 
-    def _unchanged(self) -> list[Outcome]:
+    def unchanged(self) -> list[Outcome]:
         """Outcomes with nothing changed, on the seeds that the answer is given on."""
         return self.runner.of(UNCHANGED, self.confirm_seed, range(self.confirm))
 
@@ -394,12 +392,11 @@ class Experiment:
             everything=whole,
             skipped=self.skipped,
             limit=self.runner.limit,
-            dropped=self.dropped + self.idle,
+            dropped=self.dropped,
             paired=self.paired,
             acquitted=self.acquitted,
             rng=np.random.default_rng([11, self.seed]),
         )
-        found = replace(found, rivals=tuple(self.rivals))
         return cut_early(found, self.early_cut, self.contract.schedule.horizon)
 
     def _told(self, one: IdealSubstitute) -> IdealSubstitute:
@@ -523,10 +520,10 @@ class Experiment:
         """Returns 1 where an episode didn't fail for the scope."""
         return float(not failed(outcome, self.conditions, self.contract).get(scope, False))
 
-    def _is_failing(self, scope: str) -> bool:
-        return is_failing(
-            self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope), self.expected
-        )
+    def is_failing(self, scope: str) -> bool:
+        """For a scope the set-up fails more often than declared, beyond chance."""
+        unchanged = self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope)
+        return is_failing(unchanged, self.expected)
 
     def _recovered(self, arm: str, scope: str) -> float:
         if arm in self.runner.broken:
@@ -545,7 +542,7 @@ class Experiment:
                 for one in finding.tried  # a later cut-off yields to whatever else restores
             )
             if near and finding.answer in ("ambiguous", "joint", "unexplained"):
-                return self._is_failing(scope)
+                return self.is_failing(scope)
         return False
 
     def _is_played(self, arm: str) -> bool:

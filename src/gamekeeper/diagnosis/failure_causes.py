@@ -337,13 +337,7 @@ def _recorded(
 
 def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> list[str]:
     """Those who played, in the order of the roster: in the recording or on fresh seeds."""
-    there = {
-        agent
-        for outcome in experiment.runner.of(
-            UNCHANGED, experiment.confirm_seed, range(experiment.confirm)
-        )
-        for agent in outcome.returns
-    }
+    there = {agent for outcome in experiment.unchanged() for agent in outcome.returns}
     named = [agent_name(agent) for agent in evidence.manifest.get("agents") or seen.agents]
     return [agent for agent in dict.fromkeys([*seen.agents, *named]) if agent in there or not there]
 

@@ -83,7 +83,6 @@ class ScopeFinding:
         tried: everything that was tried on fresh seeds.
         success: the share of successes as it is: (share, low, high).
         why: in a sentence.
-        rivals: others that restored in the search, and weren't played on fresh seeds.
         beside: whole policies in an agent's place that restore as well as an undo that is named.
     """
 
@@ -93,7 +92,6 @@ class ScopeFinding:
     tried: tuple[Tried, ...]
     success: tuple[float, float, float]
     why: str
-    rivals: tuple[IdealSubstitute, ...] = ()
     beside: tuple[IdealSubstitute, ...] = ()
 
 

@@ -197,7 +197,7 @@ def substitutes_of(
         found += _of_knob(name, knob, setup, contract, traits)
     found += _of_protocol(setup, contract, traits.agents)
     found += _of_cut_offs(setup, traits)
-    if traits.has_reference:
+    if REFERENCE in traits.ways:
         found += _of_policies(setup, contract, traits.agents)
     found += swaps_of(replacements or {}, contract, traits.agents)
     found = list({one.name: one for one in found}.values())

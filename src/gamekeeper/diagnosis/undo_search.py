@@ -6,14 +6,7 @@ from typing import Any, Final
 
 from gamekeeper.diagnosis.acquittals import acquit
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
-from gamekeeper.diagnosis.judgement import (
-    EITHER,
-    OR_DRAWN,
-    OR_KEPT,
-    SCALES,
-    ScopeFinding,
-    is_failing,
-)
+from gamekeeper.diagnosis.judgement import EITHER, OR_DRAWN, OR_KEPT, SCALES, ScopeFinding
 from gamekeeper.diagnosis.message_channels import (
     MOST_AGENTS,
     PROBED,
@@ -175,13 +168,8 @@ def _channels(experiment: Experiment, agents: Sequence[str]) -> tuple[MessageCha
 
 def _open_scopes(experiment: Experiment) -> list[str]:
     """The scopes that fail beyond chance, and whose cause is still open."""
-    found = []
-    for scope in experiment.scopes:
-        seed, n = experiment.confirm_seed, experiment.confirm
-        unchanged = experiment.successes(UNCHANGED, seed, n, scope)
-        if is_failing(unchanged, experiment.expected) and _is_open(experiment.finding(scope)):
-            found.append(scope)
-    return found
+    failing = filter(experiment.is_failing, experiment.scopes)
+    return [scope for scope in failing if _is_open(experiment.finding(scope))]
 
 
 def _is_open(finding: ScopeFinding) -> bool:
@@ -245,7 +233,7 @@ def search(
         pool = kept[:cap]
     pool += _beside(experiment, pool, rivals)
     pool = _with_parts(experiment, pool)
-    experiment.dropped = len(experiment.undos) - len(pool)
+    experiment.dropped += len(experiment.undos) - len(pool)
     experiment.undos = pool
     named = {(one.component, one.agents) for one in pool}
     skipped = [
