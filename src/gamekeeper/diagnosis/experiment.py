@@ -70,6 +70,8 @@ class Experiment:
         least: names of groups of which nothing can be left out.
         groups: sets that were tried while a group was shrunk, and undos in pairs, by name.
         confirmed: names of the arms that the answers are given on.
+        open_scopes: those that fail beyond chance, and whose cause undos are to find.
+        failing: searched episodes that failed for one of these.
         skipped: the ideal substitutes that the budget didn't reach.
         not_played: what the budget didn't reach, in words.
         renewals: fresh objects of policies in each episode, tried among the undos.
@@ -105,6 +107,8 @@ class Experiment:
     acquitted: set[str] = field(default_factory=set)
     sound_ways: frozenset[tuple[str, str]] = frozenset()
     rivals: list[IdealSubstitute] = field(default_factory=list)
+    open_scopes: list[str] = field(default_factory=list)
+    failing: list[int] = field(default_factory=list)
     skipped: list[IdealSubstitute] = field(default_factory=list)
     not_played: list[str] = field(default_factory=list)
     recordings: int = 0
@@ -263,6 +267,12 @@ class Experiment:
         if budget is not None:
             orders = [order for order in orders if self._is_affordable(order, budget)]
         self.runner.play(orders)
+
+    def confirm_arms(self, arms: Sequence[IdealSubstitute]) -> None:
+        """Plays arms on the seeds that the answers are given on."""
+        names = self._names(arms)
+        self.confirmed = [*self.confirmed, *names]
+        self._play(names, self.confirm_seed, self.confirm)
 
     def _is_affordable(self, order: ArmOrder, budget: int) -> bool:
         """Tells whether an arm is affordable by the length of its first few episodes."""
