@@ -34,14 +34,13 @@ SOUND: Final = "the set-up doesn't fail more often than chance allows"
 def agent_answer(
     agent: str | None,
     scope: str,
-    findings: Mapping[str, ScopeFinding],
+    finding: ScopeFinding,
     experiment: Experiment,
     seen: SetupTraits,
     flips: Mapping[str, float],
     perturbed: Mapping[PerturbationArm, Tested],
 ) -> AgentDiagnosis:
     """Answer for an agent, or for the team where there is none."""
-    finding = findings[scope]
     mine = [one for one in finding.tried if agent is None or agent in one.substitute.agents]
     tested = [_tested(one, experiment.confirm, flips) for one in mine]
     tested += [
@@ -153,7 +152,8 @@ def _kind(substitute: IdealSubstitute) -> str:
 
 def _place(label: str) -> int:
     """Place of a label in the vocabulary; of a pair, the first one's."""
-    return LABELS.index(label.split(" + ")[0]) if label.split(" + ")[0] in LABELS else len(LABELS)
+    first = label.split(" + ")[0]
+    return [*LABELS, first].index(first)
 
 
 def _not_tested(

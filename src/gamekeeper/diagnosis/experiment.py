@@ -333,7 +333,7 @@ class Experiment:
         """Those that restore in the search, the smallest first, before those that come near."""
 
         def rank(pair: IdealSubstitute) -> tuple[bool, int, float]:
-            most = max(self._recovered(pair.name, scope) for scope in self.scopes)
+            most = self._most(pair.name)
             return most < self.part, len(pair.steps), -most
 
         return sorted(pairs, key=rank)[:PAIRS]
@@ -361,11 +361,8 @@ class Experiment:
     def is_broken_off(self) -> bool:
         """Most of the failed episodes were broken off by a policy that raised."""
         count = sum(each.count for each in self.raised)
-        bad = [
-            any(failed(each, self.conditions, self.contract).values())
-            for each in (self.unchanged() if count else ())
-        ]
-        return count > 0 and count >= MOST * sum(bad)
+        bad = [failed(each, self.conditions, self.contract) for each in self.unchanged()]
+        return count > 0 and count >= MOST * sum(any(each.values()) for each in bad)
 
     def unchanged(self) -> list[Outcome]:
         """Outcomes with nothing changed, on the seeds that the answer is given on."""
@@ -390,12 +387,10 @@ class Experiment:
         whole = None
         if one_is_all or self._is_played(EVERYTHING):
             whole = self.successes(played[0].name if one_is_all else EVERYTHING, seed, n, scope)
+        every = over_undos((*played, *undos))
         found = judged(
             unchanged,
-            {
-                one: self.successes(one.name, seed, n, scope)
-                for one in over_undos((*played, *undos))
-            },
+            {one: self.successes(one.name, seed, n, scope) for one in every},
             least=self.least,
             expected=self.expected,
             part=self.part,
@@ -424,16 +419,9 @@ class Experiment:
         repair.
         """
         arm = self.runner.of(one.name, run_seed, episodes)
-        names = (
-            [scope]
-            if scope != TEAM
-            else [
-                name.partition(".")[0]
-                for condition in self.conditions.values()
-                for name in condition.names
-                if "." in name
-            ]
-        )
+        figures = [name for condition in self.conditions.values() for name in condition.names]
+        names = [name.partition(".")[0] for name in figures if "." in name]
+        names = names if scope == TEAM else [scope]
         agents = list(arm[0].returns) if arm else []
         judged_ones = {a for name in names for a in members_of(name, agents, self.contract)}
         if not one.agents or not judged_ones or judged_ones & {*one.agents}:
@@ -456,13 +444,10 @@ class Experiment:
         By bisection between the ideal and the recorded value, on the searched seeds alone.
         """
         ideal = substitute.steps[0][3]
-        if (
-            substitute.value is None
-            or len(substitute.steps) > 1
-            or not isinstance(ideal, int | float)
-        ):
+        is_played = (substitute.name, self.search_seed, SEARCH - 1) in self.runner.used
+        if substitute.value is None or not is_played or len(substitute.steps) > 1:
             return None
-        if (substitute.name, self.search_seed, SEARCH - 1) not in self.runner.used:
+        if not isinstance(ideal, int | float):
             return None
         unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
         cured = self.successes(substitute.name, self.search_seed, SEARCH, scope)
@@ -539,9 +524,8 @@ class Experiment:
         if arm in self.runner.broken:
             return 0.0
         unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
-        return recovered(
-            unchanged, self.successes(arm, self.search_seed, SEARCH, scope), self.expected
-        )
+        played = self.successes(arm, self.search_seed, SEARCH, scope)
+        return recovered(unchanged, played, self.expected)
 
     def _is_near(self) -> bool:
         """Some ideal substitute is so near the threshold that more episodes would tell."""
