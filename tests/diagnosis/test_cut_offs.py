@@ -34,7 +34,7 @@ def test_a_later_cut_off_near_the_threshold_takes_no_more_episodes(
     experiment: Any = SimpleNamespace(
         scopes=("team",), part=0.7, finding=lambda scope: replace(finding, answer="ambiguous")
     )
-    experiment._is_failing = lambda scope: True
+    experiment.is_failing = lambda scope: True
     assert Experiment._is_near(experiment) is is_near
 
 

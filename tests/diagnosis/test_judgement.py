@@ -173,8 +173,8 @@ def test_an_action_that_is_held_hides_what_a_policy_keeps() -> None:
     answer = judged(share(0.0), arms, rng=np.random.default_rng(0))
     assert (answer.answer, answer.labels) == ("isolated", ())
     assert "it is a's timing or what it keeps" in answer.why
-    experiment: Any = SimpleNamespace(finding=lambda scope: answer)
-    assert _kept(experiment, ["team"]) == {"a"}
+    experiment: Any = SimpleNamespace(finding=lambda scope: answer, open_scopes=["team"])
+    assert _kept(experiment) == {"a"}
 
 
 def test_a_pair_that_needs_less_goes_before_one_that_does_more() -> None:

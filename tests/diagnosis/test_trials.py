@@ -75,7 +75,7 @@ def test_options_policies_and_wrappers_have_handles() -> None:
         settings={("carrier",): {"temperature": 1.0}},
         layers={"delay": 2},
         resettable=[("picker_0",)],
-        has_reference=True,
+        ways=["reference"],
     )
     assert found["layout = seen"].applied(setup).options == ({"layout": "seen"}, {"layout": "seen"})
     assert found["temperature[carrier] = 0.0"].applied(setup).settings == {
@@ -94,7 +94,7 @@ def test_agents_of_one_object_have_its_handles_together() -> None:
     """One setting and one memory for both; policies of their own for both make up for it."""
     setup, pair = Setup("env", policies={"*": "x:y"}), ("picker_0", "picker_1")
     found = named(
-        setup, settings={pair: {"temperature": 1.0}}, resettable=[pair], has_reference=True
+        setup, settings={pair: {"temperature": 1.0}}, resettable=[pair], ways=["reference"]
     )
     assert found["temperature[picker_0, picker_1] = 0.0"].agents == pair
     memory = found["resetting picker_0 and picker_1's memory"]

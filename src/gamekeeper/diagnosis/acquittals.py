@@ -27,8 +27,6 @@ def acquit(
     swaps: Sequence[IdealSubstitute],
     feeds: Mapping[str, Sequence[Feed]],
     roles: Mapping[str, str],
-    failing: Sequence[int],
-    scopes: Sequence[str],
 ) -> None:
     """Notes the agents that can't be at fault, where undos leave open which of several is.
 
@@ -36,10 +34,8 @@ def acquit(
         swaps: policies that may be tried in an agent's place.
         feeds: what agents were given, for policies that may go by their agent's name.
         roles: by agent.
-        failing: searched episodes that fail as it is.
-        scopes: for which a success counts.
     """
-    for scope in scopes:
+    for scope in experiment.open_scopes:
         finding = experiment.finding(scope)
         undos = [one for one in finding.substitutes if one.undo is not None and one.agents]
         blamed = dict.fromkeys(agent for one in finding.substitutes for agent in one.concerned)
@@ -52,7 +48,7 @@ def acquit(
             if agent not in together  # a peer may have its fault, too
             for others in [[other for other in roles if roles[other] == roles[agent]]]
             for one in [_swap_of(experiment, agent, others, swaps, feeds[agent])]
-            if one is not None and _needs(experiment, one, undos, failing, scope)
+            if one is not None and _needs(experiment, one, undos, scope)
         }
         if not all(set(one.agents) <= cleared for one in undos):
             experiment.acquitted |= cleared
@@ -82,15 +78,11 @@ def _swap_of(
 
 
 def _needs(
-    experiment: Experiment,
-    swap: IdealSubstitute,
-    undos: Sequence[IdealSubstitute],
-    failing: Sequence[int],
-    scope: str,
+    experiment: Experiment, swap: IdealSubstitute, undos: Sequence[IdealSubstitute], scope: str
 ) -> bool:
     """Tells whether episodes fail with a policy in an agent's place, and with an undo too don't."""
     undo = min(undos, key=lambda one: set(swap.agents) <= set(one.agents))
-    both, episodes = joined((swap, undo)), failing[:EPISODES]
+    both, episodes = joined((swap, undo)), experiment.failing[:EPISODES]
     if experiment.runner.left < 2 * len(episodes):
         experiment.not_played.append(f"{both.name}, to tell whose it is")
         return False

@@ -34,14 +34,13 @@ SOUND: Final = "the set-up doesn't fail more often than chance allows"
 def agent_answer(
     agent: str | None,
     scope: str,
-    findings: Mapping[str, ScopeFinding],
+    finding: ScopeFinding,
     experiment: Experiment,
     seen: SetupTraits,
     flips: Mapping[str, float],
     perturbed: Mapping[PerturbationArm, Tested],
 ) -> AgentDiagnosis:
     """Answer for an agent, or for the team where there is none."""
-    finding = findings[scope]
     mine = [one for one in finding.tried if agent is None or agent in one.substitute.agents]
     tested = [_tested(one, experiment.confirm, flips) for one in mine]
     tested += [
@@ -67,19 +66,17 @@ def agent_answer(
     if agent in concerned:
         return _own_part(agent, found, finding)
     names = ", ".join(substitute.name for substitute in finding.substitutes)
-    if agent in experiment.acquitted:
-        why = f"with another policy in its place it fails as well, and {names} restores success"
-        return dataclasses.replace(
-            found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
-        )
+    is_acquitted = agent in experiment.acquitted
     helps = [one.substitute for one in mine if _helps_alone(one, concerned)]
-    if helps:
+    if helps and not is_acquitted:
         return _not_acquitted(found, helps, names, "helps beyond chance too")
-    rivals = [one for one in finding.rivals if agent in one.agents]
-    if rivals:
+    rivals = [one for one in experiment.rivals if agent in one.agents]
+    if rivals and not is_acquitted:
         end = "did in the search; it wasn't played on fresh seeds, as the budget was spent"
         return dataclasses.replace(_not_acquitted(found, rivals, names, end), substitutes=())
     why = f"what restores success is {names}, which isn't this agent's"
+    if is_acquitted:
+        why = f"with another policy in its place it fails as well, and {names} restores success"
     return dataclasses.replace(
         found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
     )
@@ -155,7 +152,8 @@ def _kind(substitute: IdealSubstitute) -> str:
 
 def _place(label: str) -> int:
     """Place of a label in the vocabulary; of a pair, the first one's."""
-    return LABELS.index(label.split(" + ")[0]) if label.split(" + ")[0] in LABELS else len(LABELS)
+    first = label.split(" + ")[0]
+    return [*LABELS, first].index(first)
 
 
 def _not_tested(
@@ -189,7 +187,7 @@ def _why_not(
     if knobs:
         have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
         return f"{joined_names(knobs)} {have} already"
-    if label == POLICY and seen.has_reference:
+    if label == POLICY and REFERENCE in seen.ways:
         return "the reference policy plays already"
     if label == POLICY:
         return "the environment has no reference policy"

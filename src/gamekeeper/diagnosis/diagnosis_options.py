@@ -35,11 +35,6 @@ class DiagnosisOptions:
     timeout_s: float | None
     on_message: Callable[[dict[str, Any]], None] | None
 
-    @property
-    def notes(self) -> Path | None:
-        """The file in which outcomes are kept."""
-        return None if self.folder is None else self.folder / NOTES
-
     def runner(
         self, contract: Contract, head: Mapping[str, Any], longest: int, *, least: int
     ) -> ArmRunner:
@@ -65,7 +60,7 @@ class DiagnosisOptions:
             workers=self.workers,
             on_message=self.on_message,
             silence_s=self.timeout_s,
-            notes=self.notes,
+            notes=None if self.folder is None else self.folder / NOTES,
             head={**head, "seed": self.seed},
             longest=longest,
             most=self.episodes,

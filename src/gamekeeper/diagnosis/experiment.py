@@ -70,12 +70,13 @@ class Experiment:
         least: names of groups of which nothing can be left out.
         groups: sets that were tried while a group was shrunk, and undos in pairs, by name.
         confirmed: names of the arms that the answers are given on.
+        open_scopes: those that fail beyond chance, and whose cause undos are to find.
+        failing: searched episodes that failed for one of these.
         skipped: the ideal substitutes that the budget didn't reach.
         not_played: what the budget didn't reach, in words.
         renewals: fresh objects of policies in each episode, tried among the undos.
         undos: undos from outside, and policies of peers, that are confirmed.
-        dropped: number of those that the search dropped.
-        idle: number of memory resets that the search dropped.
+        dropped: number of undos and memory resets that the search dropped.
         paired: number of pairs of undos that were tried.
         acquitted: agents with another policy in whose place the same undo is needed.
         sound_ways: speakers and listeners whose messages arrive as they are said.
@@ -102,11 +103,12 @@ class Experiment:
     confirmed: list[str] = field(default_factory=list)
     undos: list[IdealSubstitute] = field(default_factory=list)
     dropped: int = 0
-    idle: int = 0
     paired: int = 0
     acquitted: set[str] = field(default_factory=set)
     sound_ways: frozenset[tuple[str, str]] = frozenset()
     rivals: list[IdealSubstitute] = field(default_factory=list)
+    open_scopes: list[str] = field(default_factory=list)
+    failing: list[int] = field(default_factory=list)
     skipped: list[IdealSubstitute] = field(default_factory=list)
     not_played: list[str] = field(default_factory=list)
     recordings: int = 0
@@ -175,7 +177,7 @@ class Experiment:
         left = [name for name in singles if name not in idle]
         if left == [EVERYTHING] and self._most(EVERYTHING) < PROMISING:
             left = []
-        self.idle = len(idle)
+        self.dropped = len(idle)
         return left
 
     def _shrunk(
@@ -266,6 +268,12 @@ class Experiment:
             orders = [order for order in orders if self._is_affordable(order, budget)]
         self.runner.play(orders)
 
+    def confirm_arms(self, arms: Sequence[IdealSubstitute]) -> None:
+        """Plays arms on the seeds that the answers are given on."""
+        names = self._names(arms)
+        self.confirmed = [*self.confirmed, *names]
+        self._play(names, self.confirm_seed, self.confirm)
+
     def _is_affordable(self, order: ArmOrder, budget: int) -> bool:
         """Tells whether an arm is affordable by the length of its first few episodes."""
         runner, arm, seed = self.runner, order.arm, order.run_seed
@@ -325,7 +333,7 @@ class Experiment:
         """Those that restore in the search, the smallest first, before those that come near."""
 
         def rank(pair: IdealSubstitute) -> tuple[bool, int, float]:
-            most = max(self._recovered(pair.name, scope) for scope in self.scopes)
+            most = self._most(pair.name)
             return most < self.part, len(pair.steps), -most
 
         return sorted(pairs, key=rank)[:PAIRS]
@@ -342,24 +350,21 @@ class Experiment:
     @property
     def fails(self) -> bool:
         """For somebody the set-up fails more often than declared, beyond chance."""
-        return any(self._is_failing(scope) for scope in self.scopes)
+        return any(map(self.is_failing, self.scopes))
 
     @property
     def raised(self) -> tuple[RaisedPolicy, ...]:
         """The policies that raised with nothing changed."""
-        return raised_in(self._unchanged())
+        return raised_in(self.unchanged())
 
     @property
     def is_broken_off(self) -> bool:
         """Most of the failed episodes were broken off by a policy that raised."""
         count = sum(each.count for each in self.raised)
-        bad = [
-            any(failed(each, self.conditions, self.contract).values())
-            for each in (self._unchanged() if count else ())
-        ]
-        return count > 0 and count >= MOST * sum(bad)
+        bad = [failed(each, self.conditions, self.contract) for each in self.unchanged()]
+        return count > 0 and count >= MOST * sum(any(each.values()) for each in bad)
 
-    def _unchanged(self) -> list[Outcome]:
+    def unchanged(self) -> list[Outcome]:
         """Outcomes with nothing changed, on the seeds that the answer is given on."""
         return self.runner.of(UNCHANGED, self.confirm_seed, range(self.confirm))
 
@@ -382,24 +387,21 @@ class Experiment:
         whole = None
         if one_is_all or self._is_played(EVERYTHING):
             whole = self.successes(played[0].name if one_is_all else EVERYTHING, seed, n, scope)
+        every = over_undos((*played, *undos))
         found = judged(
             unchanged,
-            {
-                one: self.successes(one.name, seed, n, scope)
-                for one in over_undos((*played, *undos))
-            },
+            {one: self.successes(one.name, seed, n, scope) for one in every},
             least=self.least,
             expected=self.expected,
             part=self.part,
             everything=whole,
             skipped=self.skipped,
             limit=self.runner.limit,
-            dropped=self.dropped + self.idle,
+            dropped=self.dropped,
             paired=self.paired,
             acquitted=self.acquitted,
             rng=np.random.default_rng([11, self.seed]),
         )
-        found = replace(found, rivals=tuple(self.rivals))
         return cut_early(found, self.early_cut, self.contract.schedule.horizon)
 
     def _told(self, one: IdealSubstitute) -> IdealSubstitute:
@@ -417,16 +419,9 @@ class Experiment:
         repair.
         """
         arm = self.runner.of(one.name, run_seed, episodes)
-        names = (
-            [scope]
-            if scope != TEAM
-            else [
-                name.partition(".")[0]
-                for condition in self.conditions.values()
-                for name in condition.names
-                if "." in name
-            ]
-        )
+        figures = [name for condition in self.conditions.values() for name in condition.names]
+        names = [name.partition(".")[0] for name in figures if "." in name]
+        names = names if scope == TEAM else [scope]
         agents = list(arm[0].returns) if arm else []
         judged_ones = {a for name in names for a in members_of(name, agents, self.contract)}
         if not one.agents or not judged_ones or judged_ones & {*one.agents}:
@@ -449,13 +444,10 @@ class Experiment:
         By bisection between the ideal and the recorded value, on the searched seeds alone.
         """
         ideal = substitute.steps[0][3]
-        if (
-            substitute.value is None
-            or len(substitute.steps) > 1
-            or not isinstance(ideal, int | float)
-        ):
+        is_played = (substitute.name, self.search_seed, SEARCH - 1) in self.runner.used
+        if substitute.value is None or not is_played or len(substitute.steps) > 1:
             return None
-        if (substitute.name, self.search_seed, SEARCH - 1) not in self.runner.used:
+        if not isinstance(ideal, int | float):
             return None
         unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
         cured = self.successes(substitute.name, self.search_seed, SEARCH, scope)
@@ -523,18 +515,17 @@ class Experiment:
         """Returns 1 where an episode didn't fail for the scope."""
         return float(not failed(outcome, self.conditions, self.contract).get(scope, False))
 
-    def _is_failing(self, scope: str) -> bool:
-        return is_failing(
-            self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope), self.expected
-        )
+    def is_failing(self, scope: str) -> bool:
+        """For a scope the set-up fails more often than declared, beyond chance."""
+        unchanged = self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope)
+        return is_failing(unchanged, self.expected)
 
     def _recovered(self, arm: str, scope: str) -> float:
         if arm in self.runner.broken:
             return 0.0
         unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
-        return recovered(
-            unchanged, self.successes(arm, self.search_seed, SEARCH, scope), self.expected
-        )
+        played = self.successes(arm, self.search_seed, SEARCH, scope)
+        return recovered(unchanged, played, self.expected)
 
     def _is_near(self) -> bool:
         """Some ideal substitute is so near the threshold that more episodes would tell."""
@@ -545,7 +536,7 @@ class Experiment:
                 for one in finding.tried  # a later cut-off yields to whatever else restores
             )
             if near and finding.answer in ("ambiguous", "joint", "unexplained"):
-                return self._is_failing(scope)
+                return self.is_failing(scope)
         return False
 
     def _is_played(self, arm: str) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
@@ -17,10 +18,10 @@ from gamekeeper.diagnosis.contradictions import Contradiction, contradictions
 from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
 from gamekeeper.diagnosis.cut_offs import cuts_of, early_cut
 from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
-from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis, Tested
+from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
 from gamekeeper.diagnosis.good_run import compared
-from gamekeeper.diagnosis.judgement import CAUSES, EXPECTED, PART, ScopeFinding
+from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, EXPECTED, PART, ScopeFinding
 from gamekeeper.diagnosis.open_setup import (
     OpenSetup,
     SetupTraits,
@@ -226,21 +227,12 @@ def _diagnosis(
     _reserve(experiment, findings)
     flips = _flips(experiment, findings)
     perturbed = _perturbed(experiment, seen, kinds, agents)
-    by_agent = {
-        agent: agent_answer(
-            agent,
-            _scope_of(agent, findings, contract),
-            findings,
-            experiment,
-            seen,
-            flips,
-            perturbed,
-        )
-        for agent in agents
-    }
-    team = None
-    if TEAM in findings:
-        team = agent_answer(None, TEAM, findings, experiment, seen, flips, perturbed)
+
+    def answer(agent: str | None, scope: str) -> AgentDiagnosis:
+        return agent_answer(agent, scope, findings[scope], experiment, seen, flips, perturbed)
+
+    by_agent = {agent: answer(agent, _scope_of(agent, findings, contract)) for agent in agents}
+    team = answer(None, TEAM) if TEAM in findings else None
     return Diagnosis(
         run=evidence.name,
         fingerprint=evidence.fingerprint,
@@ -337,13 +329,7 @@ def _recorded(
 
 def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> list[str]:
     """Those who played, in the order of the roster: in the recording or on fresh seeds."""
-    there = {
-        agent
-        for outcome in experiment.runner.of(
-            UNCHANGED, experiment.confirm_seed, range(experiment.confirm)
-        )
-        for agent in outcome.returns
-    }
+    there = {agent for outcome in experiment.unchanged() for agent in outcome.returns}
     named = [agent_name(agent) for agent in evidence.manifest.get("agents") or seen.agents]
     return [agent for agent in dict.fromkeys([*seen.agents, *named]) if agent in there or not there]
 
@@ -357,19 +343,18 @@ def _scope_of(agent: str, findings: Mapping[str, ScopeFinding], contract: Contra
 
 
 def _flips(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for scope, finding in findings.items():
-        for substitute in finding.substitutes if finding.answer == "isolated" else ():
-            at = experiment.flips_at(substitute, scope)
-            if at is not None:
-                found[substitute.name] = at
-    return found
+    return {
+        one.name: at
+        for scope, finding in findings.items()
+        for one in (finding.substitutes if finding.answer == "isolated" else ())
+        if (at := experiment.flips_at(one, scope)) is not None
+    }
 
 
 def _perturbed(
     experiment: Experiment, seen: SetupTraits, kinds: Mapping[str, Any], agents: Sequence[str]
 ) -> dict[PerturbationArm, Tested]:
-    """Effects of perturbations, as far as the budget goes."""
+    """Effects of perturbations on the team's return, as far as the budget goes."""
     if not kinds:
         return {}
     runner, seed, n = experiment.runner, experiment.confirm_seed, min(experiment.confirm, FEWEST)
@@ -378,36 +363,21 @@ def _perturbed(
     if len(few) < len(wanted):
         experiment.not_played.append(f"{len(wanted) - len(few)} of {len(wanted)} perturbations")
     runner.play([ArmOrder(one.name, one.setup, seed, range(n)) for one in few])
+    rng, scope = np.random.default_rng([12, experiment.seed]), experiment.scopes[0]
+
+    def returns(arm: str) -> NDArray[np.float64]:
+        return np.array([outcome.team_return for outcome in runner.of(arm, seed, range(n))])
+
     played = [one for one in few if one.name not in runner.broken]
-    arms = {one: runner.of(one.name, seed, range(n)) for one in played}
-    rng = np.random.default_rng([12, experiment.seed])
-    tested = _effects(runner.of(UNCHANGED, seed, range(n)), arms, rng=rng) if arms else {}
-    scope = experiment.scopes[0]
-    for one, each in tested.items():
-        if each.depends and each.effect < 0:
-            tested[one] = dataclasses.replace(each, flips_at=experiment.breaks_at(one, scope))
+    effects = [paired_effect(returns(UNCHANGED), returns(one.name), rng=rng) for one in played]
+    corrected = holm([effect.p for effect in effects]) if effects else ()
+    tested = {}
+    for one, effect, p in zip(played, effects, corrected, strict=True):
+        more: dict[str, Any] = {"p": p, "measure": "return", "depends": p < ALPHA}
+        if more["depends"] and effect.value < 0:
+            more["flips_at"] = experiment.breaks_at(one, scope)
+        tested[one] = Tested.of(effect, one.label, one.name, "perturbation", **more)
     return tested
-
-
-def _effects(
-    unchanged: Sequence[Outcome],
-    arms: Mapping[PerturbationArm, Sequence[Outcome]],
-    *,
-    rng: np.random.Generator,
-) -> dict[PerturbationArm, Tested]:
-    """The effect of each perturbation on the team's return, against the same seeds unchanged."""
-    base = np.array([outcome.team_return for outcome in unchanged])
-    found = {
-        one: paired_effect(base, np.array([o.team_return for o in outcomes]), rng=rng)
-        for one, outcomes in arms.items()
-    }
-    corrected = holm([effect.p for effect in found.values()])
-    return {
-        one: Tested.of(
-            effect, one.label, one.name, "perturbation", p=p, measure="return", depends=p < 0.05
-        )
-        for (one, effect), p in zip(found.items(), corrected, strict=True)
-    }
 
 
 def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnosis:

@@ -83,7 +83,6 @@ class ScopeFinding:
         tried: everything that was tried on fresh seeds.
         success: the share of successes as it is: (share, low, high).
         why: in a sentence.
-        rivals: others that restored in the search, and weren't played on fresh seeds.
         beside: whole policies in an agent's place that restore as well as an undo that is named.
     """
 
@@ -93,7 +92,6 @@ class ScopeFinding:
     tried: tuple[Tried, ...]
     success: tuple[float, float, float]
     why: str
-    rivals: tuple[IdealSubstitute, ...] = ()
     beside: tuple[IdealSubstitute, ...] = ()
 
 
@@ -140,18 +138,17 @@ def judged(
         acquitted: agents whose undos show no fault of theirs.
         rng: for intervals that are drawn.
     """
-    answer: Answer
     share = wilson(int(unchanged.sum()), len(unchanged))
     success = (share.p, share.low, share.high)
     tried = _tried(unchanged, arms, expected, part, dropped + paired, rng)
+    blank = ScopeFinding("unexplained", (), (), tried, success, "")
     if not is_failing(unchanged, expected):
         why = (
             f"{int(unchanged.sum())} of {len(unchanged)} new episodes succeed ({share.p:.0%}, 95 % "
             f"interval {share.low:.0%} to {share.high:.0%}), not significantly below the expected "
             f"{expected:.0%}"
         )
-        answer = "healthy" if share.p >= expected else "not_failing"
-        return ScopeFinding(answer, (), (), tried, success, why)
+        return replace(blank, answer="healthy" if share.p >= expected else "not_failing", why=why)
     wider = [one for one in tried if one.restores and one.substitute.name in least]
     best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
     # The smallest answer goes first: one substitute; a pair that beats both of its parts; all at
@@ -160,30 +157,26 @@ def judged(
     best = [one for one in best if not _is_eased(one, tried)]
     singles = [one for one in best if not _is_of_several(one.substitute)]
     if singles:
-        found = _of_singles(singles, tried, success, skipped, acquitted)
+        found = _of_singles(singles, blank, skipped, acquitted)
         return _beside_policies(found, arms, rng)
     better = [one for one in best if _beats_its_parts(one, arms, rng)]
     if better:
-        return _of_pairs(better, tried, success)
+        return _of_pairs(better, blank)
     if best:
         why = (
             "a pair restores success, and one of its parts may do as well: more episodes would tell"
         )
-        labels = _labels([one.substitute for one in best])
-        return ScopeFinding(
-            "ambiguous", labels, tuple(o.substitute for o in best), tried, success, why
-        )
+        named = tuple(one.substitute for one in best)
+        return replace(blank, answer="ambiguous", labels=_labels(named), substitutes=named, why=why)
     if everything is not None and recovered(unchanged, everything, expected) >= part:
-        labels = _labels(arms)
         why = (
             "all ideal substitutes at once restore success, and no single one or pair that was "
             "played does"
         )
-        return ScopeFinding("ambiguous", labels, (), tried, success, why)
+        return replace(blank, answer="ambiguous", labels=_labels(arms), why=why)
     why = _why_none(arms, everything, skipped, limit, dropped)
     why += f", nor do {paired} pairs of changes at two agents" if paired else ""
-    answer = "unexplained" if arms or dropped else "not_tried"
-    return ScopeFinding(answer, (), (), tried, success, why)
+    return replace(blank, answer="unexplained" if arms or dropped else "not_tried", why=why)
 
 
 def _is_eased(pair: Tried, tried: Sequence[Tried]) -> bool:
@@ -340,11 +333,11 @@ def _beats_its_parts(
 
 def _of_singles(
     least: Sequence[Tried],
-    tried: tuple[Tried, ...],
-    success: tuple[float, float, float],
+    blank: ScopeFinding,
     skipped: Sequence[IdealSubstitute],
     acquitted: Collection[str],
 ) -> ScopeFinding:
+    tried = blank.tried
     substitutes = _at_both(_with_peers([one.substitute for one in least], tried))
     # What leaves the cause open is asked first: an agent is blamed only by what passes all of it.
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
@@ -355,7 +348,7 @@ def _of_singles(
         why += f"; as much changes by {names}, not yet beyond chance" if ties else ""
         answer, substitutes = "ambiguous" if ties else answer, (*substitutes, *ties)
     labels = _labels((*substitutes, *rivals))
-    return ScopeFinding(answer, labels, substitutes, tried, success, why)
+    return replace(blank, answer=answer, labels=labels, substitutes=substitutes, why=why)
 
 
 def _ties(least: Sequence[Tried], tried: Sequence[Tried]) -> list[IdealSubstitute]:
@@ -537,18 +530,16 @@ def _is_joint(whole: IdealSubstitute, tried: Sequence[Tried]) -> bool:
     return is_of_several and {leaf.name for leaf in whole.leaves} <= failed
 
 
-def _of_pairs(
-    least: Sequence[Tried], tried: tuple[Tried, ...], success: tuple[float, float, float]
-) -> ScopeFinding:
+def _of_pairs(least: Sequence[Tried], blank: ScopeFinding) -> ScopeFinding:
     """Pairs restore, and neither of their parts does."""
     substitutes = _at_both([one.substitute for one in least])
-    labels = _labels(substitutes)
     names = "; ".join(substitute.name for substitute in substitutes)
-    if len(substitutes) == 1:
-        why = f"{names}: both together restore success, neither does alone"
-        return ScopeFinding("joint", labels, substitutes, tried, success, why)
+    answer: Answer = "joint" if len(substitutes) == 1 else "ambiguous"
     why = f"several pairs restore success ({names}), so these causes can't be told apart"
-    return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+    if answer == "joint":
+        why = f"{names}: both together restore success, neither does alone"
+    labels = _labels(substitutes)
+    return replace(blank, answer=answer, labels=labels, substitutes=substitutes, why=why)
 
 
 def is_any_scale(substitutes: Sequence[IdealSubstitute]) -> bool:

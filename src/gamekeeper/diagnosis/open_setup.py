@@ -22,7 +22,7 @@ from gamekeeper.episodes.plain_json import plain
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import Opened, open_env
-from gamekeeper.interface.policy import EVERYONE, REFERENCE, SAME, reset_policy, shared_with
+from gamekeeper.interface.policy import EVERYONE, SAME, reset_policy, shared_with
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.continuations import RecordedEpisode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
@@ -404,7 +404,6 @@ class SetupTraits:
 
     Attributes:
         agents: all that may play, by name.
-        has_reference: the environment brings a policy called `reference`.
         settings: values of policies' attributes that knobs name, by the agents that one object
             plays.
         layers: values of wrappers' attributes that knobs name.
@@ -416,7 +415,6 @@ class SetupTraits:
     """
 
     agents: tuple[str, ...]
-    has_reference: bool = False
     settings: Mapping[tuple[str, ...], Mapping[str, Any]] = field(default_factory=dict)
     layers: Mapping[str, Any] = field(default_factory=dict)
     resettable: tuple[tuple[str, ...], ...] = ()
@@ -462,14 +460,7 @@ def traits_of(
     ]
     renewable = [sharers for sharers in policies if open_setup.joint_policy.is_renewed(sharers[0])]
     return SetupTraits(
-        tuple(agents),
-        REFERENCE in ways,
-        settings,
-        layers,
-        tuple(resettable),
-        tuple(renewable),
-        ways,
-        unfit,
+        tuple(agents), settings, layers, tuple(resettable), tuple(renewable), ways, unfit
     )
 
 

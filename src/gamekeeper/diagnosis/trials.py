@@ -197,8 +197,9 @@ def substitutes_of(
         found += _of_knob(name, knob, setup, contract, traits)
     found += _of_protocol(setup, contract, traits.agents)
     found += _of_cut_offs(setup, traits)
-    if traits.has_reference:
-        found += _of_policies(setup, contract, traits.agents)
+    for agent in traits.agents if REFERENCE in traits.ways else ():
+        if setup.policy_of(agent, contract) not in (None, REFERENCE):
+            found.append(_swap(agent, f"the {REFERENCE} policy", REFERENCE))
     found += swaps_of(replacements or {}, contract, traits.agents)
     found = list({one.name: one for one in found}.values())
     memories = []
@@ -274,15 +275,6 @@ def _of_cut_offs(setup: Setup, traits: SetupTraits) -> Iterator[IdealSubstitute]
             own, shown = ("argument", "", name, ABSENT), f"{name} at its default"
             yield IdealSubstitute(shown, EVALUATION, (), (own,), cut_off="default")
         yield IdealSubstitute(f"{name} = {LONGER * value}", CUT_OFF, (), (step,), cut_off="later")
-
-
-def _of_policies(
-    setup: Setup, contract: Contract, agents: Sequence[str]
-) -> Iterator[IdealSubstitute]:
-    for agent in agents:
-        policy = setup.policy_of(agent, contract)
-        if policy is not None and policy != REFERENCE:
-            yield _swap(agent, f"the {REFERENCE} policy", REFERENCE)
 
 
 def swaps_of(

@@ -13,7 +13,7 @@ import numpy as np
 
 from gamekeeper.diagnosis.open_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
-from gamekeeper.diagnosis.undos import BoundaryUndo, passed_with
+from gamekeeper.diagnosis.undos import BoundaryUndo, Way, passed_with
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 
@@ -58,21 +58,12 @@ def observation_undos(
         if one.name not in deaf and one.low != one.high:
             yield 0, BoundaryUndo(agents, "mirror field", (one.place,), names=(one.name,))
             yield from _value_undos(agents, one, "exchange values", one.name, tier=3)
-    for at, one in enumerate(shown):
-        for two in shown[at + 1 :]:
-            apart = two.place - one.place
-            is_alike = (one.low, one.high) == (two.low, two.high)
-            is_near = apart == 1 or len(shown) <= MOST_UNLIKE
-            is_close = is_near and one.part.space.dtype == two.part.space.dtype
-            if {one.name, two.name} <= deaf or not (is_alike or is_close):
-                continue
-            pair = BoundaryUndo(
-                agents, "exchange fields", (one.place, two.place), names=(one.name, two.name)
-            )
-            yield (0 if apart == 1 else 1 + apart) + (not is_alike), pair
-            if is_alike and apart == 1 and _has_middle(one):
-                for quarters in (1, 2, 3):
-                    yield 1, replace(pair, way="turn fields", amount=float(quarters))
+    for one, two in combinations(shown, 2):
+        is_near = two.place - one.place == 1 or len(shown) <= MOST_UNLIKE
+        is_close = is_near and one.part.space.dtype == two.part.space.dtype
+        if not {one.name, two.name} <= deaf and (_are_alike(one, two) or is_close):
+            names = (one.name, two.name)
+            yield from _pair_undos(agents, one, two, "exchange fields", "turn fields", names)
     yield from _part_undos(agents, shown, deaf)
     if fields and len(fields) <= MOST_SCALED and not any(each.is_whole for each in fields):
         most = max(abs(end) for each in fields for end in (each.low, each.high))
@@ -83,6 +74,28 @@ def observation_undos(
         ):
             for bottom in (0.0, -1.0):
                 yield 0, BoundaryUndo(agents, "normalize fields", amount=bottom)
+
+
+def _pair_undos(
+    agents: tuple[str, ...],
+    one: NumberField,
+    two: NumberField,
+    exchange: Way,
+    turn: Way,
+    names: tuple[str, ...] = (),
+) -> Iterator[Candidate]:
+    """Two numbers exchanged, and neighbours of equal bounds turned about their middle."""
+    apart, is_alike = two.place - one.place, _are_alike(one, two)
+    pair = BoundaryUndo(agents, exchange, (one.place, two.place), names=names)
+    yield (0 if apart == 1 else 1 + apart) + (not is_alike), pair
+    # without bounds the middle is 0
+    if is_alike and apart == 1 and np.isfinite(one.low) == np.isfinite(one.high):
+        for quarters in (1, 2, 3) if one.low != one.high else ():
+            yield 1, replace(pair, way=turn, amount=float(quarters))
+
+
+def _are_alike(one: NumberField, two: NumberField) -> bool:
+    return (one.low, one.high) == (two.low, two.high)
 
 
 def _part_undos(
@@ -103,17 +116,11 @@ def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterat
     for one in axes:
         if one.low != one.high:
             yield 0, BoundaryUndo(agents, "mirror axis", (one.place,))
-    for at, one in enumerate(axes):
-        for two in axes[at + 1 :] if len(axes) <= MOST_FIELDS else ():
-            if (one.low, one.high) == (two.low, two.high):
-                apart = two.place - one.place
-                pair = BoundaryUndo(agents, "exchange axes", (one.place, two.place))
-                yield (0 if apart == 1 else 1 + apart), pair
-                if apart == 1 and _has_middle(one):
-                    for quarters in (1, 2, 3):
-                        yield 1, replace(pair, way="turn axes", amount=float(quarters))
-        is_only = len(axes) == 1
-        name, tier = ("", 0) if is_only else (f"axis {one.place}", 2)
+    for one, two in combinations(axes if len(axes) <= MOST_FIELDS else (), 2):
+        if _are_alike(one, two):
+            yield from _pair_undos(agents, one, two, "exchange axes", "turn axes")
+    for one in axes:
+        name, tier = ("", 0) if len(axes) == 1 else (f"axis {one.place}", 2)
         yield from _value_undos(agents, one, "exchange actions", name, tier=tier)
     if axes and not any(each.is_whole for each in axes):
         for factor in FACTORS[:4]:
@@ -189,7 +196,7 @@ def _scaled_together(
     vectors = [
         (one, two)
         for one, two in pairwise(fields)
-        if one.part.path == two.part.path and (one.low, one.high) == (two.low, two.high)
+        if one.part.path == two.part.path and _are_alike(one, two)
     ]
     parts = [tuple(part) for part in _parts(fields) if len(part) > 2]
     for vector in (*vectors, *parts):
@@ -227,11 +234,6 @@ def call_undos(
         yield 0, BoundaryUndo(agents, "commonest", amount=float(COMMONEST_OF))
     for turns in HOLDS:
         yield 0, BoundaryUndo(agents, "hold", amount=float(turns))
-
-
-def _has_middle(field: NumberField) -> bool:
-    """Tells whether a field can be turned about a middle: without bounds 0, or between its ends."""
-    return bool(np.isfinite(field.low) == np.isfinite(field.high)) and field.low != field.high
 
 
 def is_known_range(

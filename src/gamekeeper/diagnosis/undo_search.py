@@ -1,19 +1,12 @@
 """The search for an undo from outside: screened on a few failing seeds, confirmed on fresh ones."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import combinations, islice, pairwise, product
 from typing import Any, Final
 
 from gamekeeper.diagnosis.acquittals import acquit
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
-from gamekeeper.diagnosis.judgement import (
-    EITHER,
-    OR_DRAWN,
-    OR_KEPT,
-    SCALES,
-    ScopeFinding,
-    is_failing,
-)
+from gamekeeper.diagnosis.judgement import EITHER, OR_DRAWN, OR_KEPT, SCALES, ScopeFinding
 from gamekeeper.diagnosis.message_channels import (
     MOST_AGENTS,
     PROBED,
@@ -36,6 +29,7 @@ from gamekeeper.diagnosis.trials import (
     undone,
 )
 from gamekeeper.diagnosis.undo_candidates import DRAWN, candidates_of, is_either, is_unmoved
+from gamekeeper.diagnosis.undos import BoundaryUndo
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.interventions.fields import acted_fields
@@ -75,8 +69,9 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         Response tests by agent, which left out the undos that they contradict; empty where no undo
         was wanted.
     """
-    scopes = _open_scopes(experiment)
-    failing = _failing(experiment, scopes)
+    failing_ones = filter(experiment.is_failing, experiment.scopes)
+    experiment.open_scopes = [x for x in failing_ones if _is_open(experiment.finding(x))]
+    failing = experiment.failing = _failing(experiment)
     if not failing or experiment.is_broken_off:
         return {}
     if experiment.runner.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
@@ -88,7 +83,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
         ]
         experiment.runner.extra += len(fed)
         named = [agent_name(agent) for agent in getattr(open_setup.env, "possible_agents", ())]
-        agents = _suspects(experiment, scopes, named)
+        agents = _suspects(experiment, named)
         responses = responses_of(open_setup, fed, named, seed=experiment.seed)
         feeds = {agent: [feed_of(episode, agent) for episode in fed] for agent in named}
         roles = roles_of(experiment.contract, named, open_setup.env)
@@ -98,7 +93,7 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             if one.agents[0] in agents
         ]
         experiment.undos = peers[: experiment.runner.left // (2 * ROUNDS[1])]
-        ranked = ranked_undos(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
+        ranked = ranked_undos(experiment, experiment.undos, ROUNDS[1])
         replaced = {one.agents[0] for one, share in ranked.items() if share >= RIVAL}
         undos = candidates_of(
             open_setup,
@@ -106,16 +101,8 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
             [a for a in agents if a in replaced or not replaced],
             _seen([*fed, *islice(episodes, RECORDED)], named),
         )
-        open_as = {undo: EITHER for undo in undos if is_either(open_setup, undo)}
-        held = (undo for undo in undos if undo.way == "hold" and _draws(undo.agents, responses))
-        open_as |= dict.fromkeys(held, OR_DRAWN)
-        kept = _kept(experiment, scopes)
-        held = (undo for undo in undos if undo.way == "hold" and {*undo.agents} & kept)
-        open_as |= dict.fromkeys(held, OR_KEPT)
-        woken = (
-            undo for undo in undos if undo.way in SCALES and is_unmoved(undo.agents, responses)
-        )
-        open_as |= dict.fromkeys(woken, POLICY)
+        kept = _kept(experiment)
+        open_as = {undo: _open_as(undo, open_setup, responses, kept) for undo in undos}
         axes = {
             agent: len(acted_fields(space))
             for agent in named
@@ -128,24 +115,38 @@ def try_undos(experiment: Experiment, episodes: Iterable[Episode] = ()) -> dict[
     ]
     renewals = [one for one in experiment.renewals if set(one.agents) & {*agents}]
     candidates = [*experiment.undos, *renewals, *touched]
-    search(experiment, candidates, failing, scopes)
-    if all(experiment.finding(each).answer in NONE for each in scopes):
-        search_pairs(experiment, touched, failing, scopes, aside=ASIDE)
+    search(experiment, candidates)
+    if all(experiment.finding(each).answer in NONE for each in experiment.open_scopes):
+        search_pairs(experiment, touched)
     experiment.sound_ways = sound_ways(channels)
-    acquit(experiment, [*experiment.substitutes, *peers], feeds, roles, failing, scopes)
+    acquit(experiment, [*experiment.substitutes, *peers], feeds, roles)
     return responses
 
 
-def _draws(agents: Iterable[str], responses: Mapping[str, ResponseTest]) -> bool:
-    """Tells whether a policy of these agents draws its actions."""
-    known = [responses[agent] for agent in agents if agent in responses]
-    return any(each.randomness >= DRAWN for each in known)
+def _open_as(
+    undo: BoundaryUndo,
+    open_setup: OpenSetup,
+    responses: Mapping[str, ResponseTest],
+    kept: Collection[str],
+) -> str:
+    """The place of a fault in words, where an undo leaves its label open.
+
+    Args:
+        kept: agents for which a reset of what they keep between turns restores.
+    """
+    if undo.way in SCALES and is_unmoved(undo.agents, responses):
+        return POLICY
+    if undo.way == "hold":
+        known = [responses[agent] for agent in undo.agents if agent in responses]
+        is_drawn = any(each.randomness >= DRAWN for each in known)
+        return OR_KEPT if {*undo.agents} & {*kept} else OR_DRAWN if is_drawn else ""
+    return EITHER if is_either(open_setup, undo) else ""
 
 
-def _kept(experiment: Experiment, scopes: Sequence[str]) -> set[str]:
+def _kept(experiment: Experiment) -> set[str]:
     """Agents for which something that they keep between turns restores once it is reset."""
-    tried = [one for scope in scopes for one in experiment.finding(scope).tried if one.restores]
-    resets = [one.substitute for one in tried if one.substitute.component == MEMORY]
+    tried = [x for scope in experiment.open_scopes for x in experiment.finding(scope).tried]
+    resets = [x.substitute for x in tried if x.restores and x.substitute.component == MEMORY]
     return {agent for one in resets for agent in one.agents}
 
 
@@ -173,17 +174,6 @@ def _channels(experiment: Experiment, agents: Sequence[str]) -> tuple[MessageCha
     return channels_of(setup, contract, agents, seed=seed)
 
 
-def _open_scopes(experiment: Experiment) -> list[str]:
-    """The scopes that fail beyond chance, and whose cause is still open."""
-    found = []
-    for scope in experiment.scopes:
-        seed, n = experiment.confirm_seed, experiment.confirm
-        unchanged = experiment.successes(UNCHANGED, seed, n, scope)
-        if is_failing(unchanged, experiment.expected) and _is_open(experiment.finding(scope)):
-            found.append(scope)
-    return found
-
-
 def _is_open(finding: ScopeFinding) -> bool:
     """No label was found but that of another cut-off, which yields to an undo."""
     if finding.answer != "protocol":
@@ -191,32 +181,30 @@ def _is_open(finding: ScopeFinding) -> bool:
     return all(one.cut_off == "default" for one in finding.substitutes)
 
 
-def _failing(experiment: Experiment, scopes: Sequence[str]) -> list[int]:
-    """Searched episodes that failed for one of the scopes."""
-    seed = experiment.search_seed
+def _failing(experiment: Experiment) -> list[int]:
+    """Searched episodes that failed for one of the open scopes."""
+    seed, scopes = experiment.search_seed, experiment.open_scopes
     rows = [experiment.successes(UNCHANGED, seed, SEARCH, scope) for scope in scopes]
     return [episode for episode in range(SEARCH) if any(row[episode] == 0 for row in rows)]
 
 
-def _suspects(experiment: Experiment, scopes: Sequence[str], agents: Sequence[str]) -> list[str]:
+def _restoring(experiment: Experiment) -> list[IdealSubstitute]:
+    """What restores success for the open scopes."""
+    scopes = experiment.open_scopes
+    return [one for scope in scopes for one in experiment.finding(scope).substitutes]
+
+
+def _suspects(experiment: Experiment, agents: Sequence[str]) -> list[str]:
     """The agents whose whole policy or memory restores success; all where none does."""
-    found = [one for scope in scopes for one in experiment.finding(scope).substitutes]
-    concerned = {agent for one in found for agent in one.agents}
+    concerned = {agent for one in _restoring(experiment) for agent in one.agents}
     return [agent for agent in agents if agent in concerned or not concerned]
 
 
-def search(
-    experiment: Experiment,
-    candidates: Sequence[IdealSubstitute],
-    failing: Sequence[int],
-    scopes: Sequence[str],
-) -> None:
+def search(experiment: Experiment, candidates: Sequence[IdealSubstitute]) -> None:
     """Screens undos and swaps on ever more failing seeds, and confirms the best few.
 
     Args:
         candidates: likely ones first.
-        failing: searched episodes that fail as it is.
-        scopes: for which a success counts.
     """
     room = int(UNDONE * experiment.runner.left)
     count = min(max(room // (3 * experiment.confirm), 1), CONFIRMED)
@@ -226,17 +214,17 @@ def search(
     rivals, open_ones = list[IdealSubstitute](), list[IdealSubstitute]()
     experiment.undos = pool
     for at, until in pairwise((*ROUNDS, ROUNDS[-1])):
-        ranked = ranked_undos(experiment, pool, failing[:at], scopes)
+        ranked = ranked_undos(experiment, pool, at)
         if rest:
             more, rest, open_ones = _other_boundaries(experiment, ranked, rest, count, later)
             experiment.undos = [*pool, *more]
-            ranked = ranked_undos(experiment, experiment.undos, failing[:at], scopes)
+            ranked = ranked_undos(experiment, experiment.undos, at)
             if rest:
                 text = f"{len(rest)} of {len(candidates)} undos from outside"
                 experiment.not_played.append(text)
             rest = []
         kept = _of_each([one for one, share in ranked.items() if share >= HALF])
-        each = max(min(until, len(failing)) - at, 1)
+        each = max(min(until, len(experiment.failing)) - at, 1)
         cap = later // (len(ROUNDS) - 1) // each
         if until == at:
             affordable = (experiment.runner.left - ASIDE) // experiment.confirm
@@ -245,7 +233,7 @@ def search(
         pool = kept[:cap]
     pool += _beside(experiment, pool, rivals)
     pool = _with_parts(experiment, pool)
-    experiment.dropped = len(experiment.undos) - len(pool)
+    experiment.dropped += len(experiment.undos) - len(pool)
     experiment.undos = pool
     named = {(one.component, one.agents) for one in pool}
     skipped = [
@@ -258,11 +246,8 @@ def search(
     experiment.rivals = [one for one in skipped if one in rivals]
     if experiment.rivals:
         experiment.not_played.append("confirming all undos that restored in the search")
-    names = [one.name for one in pool]
-    experiment.confirmed = [*experiment.confirmed, *names]
-    experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
-    found = [one for scope in scopes for one in experiment.finding(scope).substitutes]
-    if any(CARRIED in one.component for one in found):
+    experiment.confirm_arms(pool)
+    if any(CARRIED in one.component for one in _restoring(experiment)):
         # Each arm begins with fresh objects, so that a few episodes of any arm succeed by that.
         experiment.skipped = [one for one in experiment.skipped if one not in skipped]
         experiment.rivals = []
@@ -398,42 +383,31 @@ def _form(undo: object) -> tuple[object, ...]:
     return tuple(getattr(undo, name) for name in ("way", "places", "amount"))
 
 
-def search_pairs(
-    experiment: Experiment,
-    undos: Sequence[IdealSubstitute],
-    failing: Sequence[int],
-    scopes: Sequence[str],
-    *,
-    aside: int,
-) -> None:
+def search_pairs(experiment: Experiment, undos: Sequence[IdealSubstitute]) -> None:
     """Screens pairs of undos on failing seeds, and confirms the best few beside their parts.
 
     Args:
         undos: of single agents; those of them that were searched are paired.
-        failing: searched episodes that fail as it is.
-        scopes: for which a success counts.
-        aside: episodes that stay for what comes after.
     """
     seed, outcomes = experiment.search_seed, experiment.runner.outcomes
-    known = [one for one in undos if (one.name, seed, failing[0]) in outcomes]
+    known = [one for one in undos if (one.name, seed, experiment.failing[0]) in outcomes]
     experiment.groups |= {one.name: one for one in known}
-    ranked = list(ranked_undos(experiment, known, failing[:1], scopes))
-    pairs = pairs_of(ranked)
-    reserve = aside + RESERVED * experiment.confirm
+    pairs = pairs_of(list(ranked_undos(experiment, known, 1)))
+    reserve = ASIDE + RESERVED * experiment.confirm
     most = max(min(experiment.runner.left - reserve, MOST_PAIRS), 0)
     tried: dict[str, IdealSubstitute] = {}
     found: list[IdealSubstitute] = []
     for at in range(0, most, BATCH):
         batch = pairs[at : min(at + BATCH, most)]
-        found = _screened(experiment, batch, failing, scopes, tried)
+        found = _screened(experiment, batch, tried)
         if found:
             more = _beside_pair(found[0], pairs, tried)
-            found += _screened(experiment, more, failing, scopes, tried)
+            found += _screened(experiment, more, tried)
             break
     if len(tried) < len(pairs) and not found:
         experiment.not_played.append(f"{len(pairs) - len(tried)} of {len(pairs)} pairs of undos")
-    last = ranked_undos(experiment, found, failing[: SCREENED[-1]], scopes)
-    _confirm_pairs(experiment, [one for one, share in last.items() if share >= HALF], aside)
+    last = ranked_undos(experiment, found, SCREENED[-1])
+    _confirm_pairs(experiment, [one for one, share in last.items() if share >= HALF])
     experiment.paired = len(tried)
 
 
@@ -449,11 +423,7 @@ def _beside_pair(
 
 
 def _screened(
-    experiment: Experiment,
-    pairs: Sequence[IdealSubstitute],
-    failing: Sequence[int],
-    scopes: Sequence[str],
-    tried: dict[str, IdealSubstitute],
+    experiment: Experiment, pairs: Sequence[IdealSubstitute], tried: dict[str, IdealSubstitute]
 ) -> list[IdealSubstitute]:
     """Those of the pairs that restore on ever more failing seeds, the best first."""
     room = experiment.runner.left - RESERVED * experiment.confirm
@@ -461,12 +431,12 @@ def _screened(
     tried |= {one.name: one for one in left}
     experiment.groups |= tried
     for count in SCREENED[:-1]:
-        shares = ranked_undos(experiment, left, failing[:count], scopes)
+        shares = ranked_undos(experiment, left, count)
         left = [one for one, share in shares.items() if share >= RIVAL]
     return left
 
 
-def _confirm_pairs(experiment: Experiment, pairs: Sequence[IdealSubstitute], aside: int) -> None:
+def _confirm_pairs(experiment: Experiment, pairs: Sequence[IdealSubstitute]) -> None:
     """Plays the best pair of each kind, and the parts of each, on fresh seeds."""
     kinds: dict[object, IdealSubstitute] = {}
     for one in pairs:
@@ -474,35 +444,31 @@ def _confirm_pairs(experiment: Experiment, pairs: Sequence[IdealSubstitute], asi
     arms: list[IdealSubstitute] = []
     for one in list(kinds.values())[:CONFIRMED_PAIRS]:
         more = [each for each in (*one.parts, one) if each not in (*experiment.undos, *arms)]
-        if (len(arms) + len(more)) * experiment.confirm <= experiment.runner.left - aside:
+        if (len(arms) + len(more)) * experiment.confirm <= experiment.runner.left - ASIDE:
             arms += more
     experiment.undos = [*experiment.undos, *arms]
-    names = [one.name for one in arms]
-    experiment.confirmed = [*experiment.confirmed, *names]
-    experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
+    experiment.confirm_arms(arms)
 
 
 def ranked_undos(
-    experiment: Experiment,
-    undos: Sequence[IdealSubstitute],
-    episodes: Sequence[int],
-    scopes: Sequence[str],
+    experiment: Experiment, undos: Sequence[IdealSubstitute], count: int
 ) -> Mapping[IdealSubstitute, float]:
-    """Shares of the episodes that succeed with each undo, the best first; returns break ties."""
-    seed, runner = experiment.search_seed, experiment.runner
+    """Shares of failing episodes that succeed with each undo, the best first; returns break ties.
+
+    Args:
+        count: failing episodes that are played.
+    """
+    seed, runner, episodes = experiment.search_seed, experiment.runner, experiment.failing[:count]
     experiment.play([one.name for one in undos], seed, episodes)
     played = [one for one in undos if one.name not in runner.broken]
     shares: dict[IdealSubstitute, tuple[float, float]] = {}
     for one in played:
         outcomes = runner.of(one.name, seed, episodes)
-        repaired = [s for s in scopes if not experiment.is_at_cost(one, seed, episodes, s)]
-        share = max(
-            (
-                sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
-                for scope in repaired
-            ),
-            default=0.0,
-        )
-        shares[one] = share, sum(each.team_return for each in outcomes)
+        parts = [
+            sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
+            for scope in experiment.open_scopes
+            if not experiment.is_at_cost(one, seed, episodes, scope)
+        ]
+        shares[one] = max(parts, default=0.0), sum(each.team_return for each in outcomes)
     best = sorted(played, key=lambda one: shares[one], reverse=True)  # of equals the likelier
     return {one: shares[one][0] for one in best}

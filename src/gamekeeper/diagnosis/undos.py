@@ -152,12 +152,8 @@ class UndonePolicies:
     """A joint policy in which an undo stands between the game and the policies of some agents."""
 
     def __init__(self, joint_policy: Any, undo: BoundaryUndo, env: Any, contract: Contract) -> None:
-        self._joint_policy, self._undo, self._env, self._contract = (
-            joint_policy,
-            undo,
-            env,
-            contract,
-        )
+        self._joint_policy, self._undo = joint_policy, undo
+        self._env, self._contract = env, contract
         self._agents = frozenset(undo.agents)
         self._boundaries: dict[AgentId, tuple[Passed, Passed, LegalActions | None]] = {}
         self._held: dict[AgentId, tuple[int, Any]] = {}
