@@ -23,6 +23,7 @@ Group = Literal[
     "fifth",
     "sixth",
     "seventh",
+    "eighth",
 ]
 
 
@@ -42,7 +43,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *seventh*: likewise, once they were changed by those before."""
+    *second* to *eighth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

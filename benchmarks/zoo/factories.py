@@ -467,3 +467,11 @@ def cards() -> Any:
     vocabulary = tuple(range(100, 140))
     make = inner_module(where, "", "swb.rl.aec_env").SWBAECEnv
     return make(deck, deck, class_a=1, class_b=1, card_vocabulary=vocabulary)
+
+
+def hexagons(settings: str, **kwargs: Any) -> Any:
+    """A board game of hexagonal tiles, by one of the files of settings that its own tests read."""
+    where = "guilherme439+RL-SCS"
+    folder = Path(os.environ["ZOO_REPOSITORIES"], where, "src/rl_scs/example_configurations")
+    make = inner_module(where, "src", "rl_scs.SCS_Game").SCS_Game
+    return make(str(folder / settings), **kwargs)
