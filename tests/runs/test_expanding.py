@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 import gamekeeper as gk
 from gamekeeper.episodes.actions_level import EVERY
-from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.evidence import NO_STEPS, Evidence, fingerprints
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.runs.expanding import expand, whole_evidence
-from gamekeeper.runs.run_check import verify
+from gamekeeper.runs.run_check import verify, with_prints
 from tests.runs.plays import played
 
 TASKS = ("two_robot_line", "aec:two_robot_line", "tictactoe", "aec:warehouse")
@@ -41,6 +42,29 @@ def test_small_run_keeps_what_follows_from_the_full_one(spec: str, tmp_path: Pat
         turns = zip(one.steps["turn"].to_pylist(), one.steps["digest"].to_pylist(), strict=True)
         assert all(digest is not None for turn, digest in turns if turn % EVERY == 0)
         assert not [name for name in one.steps.schema.names if name.startswith("obs.")]
+
+
+def test_small_files_leave_out_what_the_rest_tells(tmp_path: Path) -> None:
+    """A reader gives every column; fingerprints of episodes are computed and make the run's."""
+    small = gk.rollout("two_robot_line", episodes=3, out=tmp_path / "run", level="actions")
+    stored = {
+        name: set(pq.read_schema(tmp_path / "run" / f"{name}.parquet").names)
+        for name in ("episodes", "agent_steps")
+    }
+    prints = with_prints(small)
+
+    assert stored["episodes"] == {"episode", "seed", "since", "policies", "turns", "end"} | (
+        stored["episodes"] & {"action_types", "endings"}
+    )
+    assert set(NO_STEPS.names) - stored["agent_steps"] == {
+        "action_mask",
+        "cumulative_reward",
+        "info",
+    }
+    assert set(NO_STEPS.names) <= set(small.agent_steps.schema.names)
+    assert small.episode_table["fingerprint"].null_count == 3
+    assert len(set(prints["fingerprint"].to_pylist())) == 3
+    assert fingerprints(small.manifest, prints)["fingerprint"] == small.fingerprint
 
 
 @pytest.mark.parametrize("spec", ["two_robot_line", "aec:warehouse"])

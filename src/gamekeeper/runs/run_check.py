@@ -252,6 +252,19 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
     return ComputedFingerprints(fingerprints(evidence.manifest, table), found, tuple(wrong))
 
 
+def with_prints(evidence: Evidence) -> pa.Table:
+    """The table of episodes with their fingerprints, computed where the run has none stored."""
+    table = evidence.episode_table
+    if evidence.manifest.get("level") != KEPT or table["fingerprint"].null_count < len(table):
+        return table
+    found = digest_again(evidence).episodes
+    prints = zip(*(found[number] for number in table["episode"].to_pylist()), strict=True)
+    for name, column in zip(("fingerprint", "info_fingerprint"), prints, strict=False):
+        place = table.schema.get_field_index(name)
+        table = table.set_column(place, name, pa.array(column, pa.string()))
+    return table
+
+
 def contradiction(evidence: Evidence, again: ComputedFingerprints | None = None) -> str:
     """Claims of a run that its rows don't bear out, in words; empty where all fits.
 

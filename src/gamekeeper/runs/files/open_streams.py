@@ -21,7 +21,7 @@ from gamekeeper.runs.files.checksums import commit
 from gamekeeper.runs.files.folder import inside, lock_folder, reading, system_error
 from gamekeeper.runs.files.journal import read_journal
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, load_manifest
-from gamekeeper.runs.files.parquet_tables import TableReader, write_table
+from gamekeeper.runs.files.parquet_tables import TableReader, write_episodes, write_table
 from gamekeeper.runs.files.schema import (
     STREAMS,
     Keys,
@@ -439,7 +439,7 @@ def _finalize(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None)
                 if table is not None and episodes is None:
                     table = merge_whole(table, whole)
                 if table is not None:
-                    files[name] = write_table(folder, name, table.schema, table.to_batches())
+                    files[name] = write_episodes(folder, table, level=manifest.get("level"))
             elif stream.schema is not None:
                 schema = plain_schema(stream.schema)
                 rows = _kept(stream, schema, whole)
