@@ -7,7 +7,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -235,11 +234,7 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
                 for block in blocks_of(steps):
                     add_infos({number: digest}, block, volatile)
         for part in evidence.tables.parts("states", number) or ():
-            if "digest" in part.schema.names:
-                found_states = np.frombuffer(b"".join(part["digest"].to_pylist()), np.uint8)
-                digest.add_states(found_states)
-            else:
-                digest.add_states(state_digests(states_of_table(part)))
+            digest.add_states(state_digests(states_of_table(part)))
         found[number] = digest.fingerprint, digest.info_fingerprint
         if header["fingerprint"] is not None and found[number] != (
             header["fingerprint"],
