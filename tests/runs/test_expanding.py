@@ -5,16 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 
 import gamekeeper as gk
 from gamekeeper.episodes.actions_level import EVERY
-from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.evidence import NO_STEPS, Evidence, fingerprints
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.runs.expanding import expand, whole_evidence
-from gamekeeper.runs.run_check import verify
+from gamekeeper.runs.run_check import verify, with_prints
 from tests.runs.plays import played
 
+STATE = "np.array([self.turn, self.total], np.int64)"
 TASKS = ("two_robot_line", "aec:two_robot_line", "tictactoe", "aec:warehouse")
 
 
@@ -25,6 +28,12 @@ def recorded(spec: str, folder: Path, **settings: Any) -> tuple[Evidence, Eviden
         spec, episodes=2, most_turns=150, out=folder / "small", level="actions", **settings
     )
     return full, small
+
+
+def witnesses(episode: Episode) -> list[tuple[int, bytes | None]]:
+    """The turn and the digest of each row."""
+    columns = (episode.steps[name].to_pylist() for name in ("turn", "digest"))
+    return list(zip(*columns, strict=True))
 
 
 @pytest.mark.parametrize("spec", TASKS)
@@ -38,9 +47,33 @@ def test_small_run_keeps_what_follows_from_the_full_one(spec: str, tmp_path: Pat
         assert {name: kept.steps[name].to_pylist() for name in kept.steps.schema.names} == {
             name: one.steps[name].to_pylist() for name in one.steps.schema.names
         }
-        turns = zip(one.steps["turn"].to_pylist(), one.steps["digest"].to_pylist(), strict=True)
-        assert all(digest is not None for turn, digest in turns if turn % EVERY == 0)
+        found = {turn for turn, digest in witnesses(one) if digest is not None}
+        assert {turn for turn, _ in witnesses(one) if turn % EVERY == 0} <= found
+        assert len(found) == sum(digest is not None for _, digest in witnesses(one))
         assert not [name for name in one.steps.schema.names if name.startswith("obs.")]
+
+
+def test_small_files_leave_out_what_the_rest_tells(tmp_path: Path) -> None:
+    """A reader gives every column; fingerprints of episodes are computed and make the run's."""
+    small = gk.rollout("two_robot_line", episodes=3, out=tmp_path / "run", level="actions")
+    stored = {
+        name: set(pq.read_schema(tmp_path / "run" / f"{name}.parquet").names)
+        for name in ("episodes", "agent_steps")
+    }
+    prints = with_prints(small)
+
+    assert stored["episodes"] == {"episode", "seed", "since", "policies", "turns", "end"} | (
+        stored["episodes"] & {"action_types", "endings"}
+    )
+    assert set(NO_STEPS.names) - stored["agent_steps"] == {
+        "action_mask",
+        "cumulative_reward",
+        "info",
+    }
+    assert set(NO_STEPS.names) <= set(small.agent_steps.schema.names)
+    assert small.episode_table["fingerprint"].null_count == 3
+    assert len(set(prints["fingerprint"].to_pylist())) == 3
+    assert fingerprints(small.manifest, prints)["fingerprint"] == small.fingerprint
 
 
 @pytest.mark.parametrize("spec", ["two_robot_line", "aec:warehouse"])
@@ -82,6 +115,22 @@ def test_expanding_finds_a_witness_that_differs(tmp_path: Path) -> None:
         expand(tmp_path / "run", tmp_path / "whole", allow_import=True)
 
     assert (caught.value.divergence.turn, caught.value.divergence.field) == (0, "digest")
+
+
+def test_witness_covers_the_state(tmp_path: Path) -> None:
+    """A state that comes out otherwise is found, though agents see and are paid the same."""
+    played(tmp_path, level="actions")
+    assert not (tmp_path / "run" / "states.parquet").exists()
+    source = tmp_path / "walks.py"
+    text = source.read_text()
+    assert text.count(STATE) == 1
+    source.write_text(text.replace(STATE, f"{STATE} + 1"))
+
+    with pytest.raises(DivergenceError) as caught:
+        expand(tmp_path / "run", tmp_path / "whole", allow_import=True)
+
+    divergence = caught.value.divergence
+    assert (divergence.turn, divergence.agent, divergence.field) == (0, None, "digest")
 
 
 def test_full_run_is_not_expanded(tmp_path: Path) -> None:

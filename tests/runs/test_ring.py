@@ -137,7 +137,7 @@ def poured(source: Path, ring: RingStore, *, rounds: int, after: Callable[[], No
     tables = load(source).tables
     numbers = tables.table("episodes")["episode"].to_pylist()
     for number in range(rounds * len(numbers)):
-        for stream in ("agent_steps", "states", "episodes"):
+        for stream in ("agent_steps", "episodes"):
             rows = tables.episode(stream, number % len(numbers)).combine_chunks()
             again = pa.array([number] * rows.num_rows, pa.int32())
             ring.append(stream, rows.set_column(0, "episode", again).to_batches()[0])
@@ -174,7 +174,7 @@ def test_ring_stays_within_its_size_while_it_is_open(small_run: Path, tmp_path: 
     assert [0, 2, *range(100, 120)] == table["episode"].to_pylist()
     assert (keep["seen"], keep["retained"], keep["dropped"]["episodes"]) == (120, 22, 98)
     assert table.equals(load(tmp_path / "run").episode_table)
-    assert {"agent_steps.parquet", "episodes.parquet", "manifest.json", "states.parquet"} == {
+    assert {"agent_steps.parquet", "episodes.parquet", "manifest.json"} == {
         path.name for path in (tmp_path / "run").iterdir()
     }
 
@@ -211,7 +211,7 @@ def test_ring_is_whole_wherever_it_is_killed(
     ring = ring_of(tmp_path / "run", KeepRule("", 3, False, 40_000))
     watched("_write_manifest")
     watched("_anew")
-    poured(small_run, ring, rounds=1, after=after)
+    poured(small_run, ring, rounds=2, after=after)
     ring.abandon()
 
     assert len(copies) == 16

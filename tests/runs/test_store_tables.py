@@ -66,12 +66,13 @@ def test_any_arrow_library_reads_a_segment(tmp_path: Path) -> None:
 
 
 def test_tables_are_encoded_for_what_they_hold(run_files: Path) -> None:
-    """Floats are split by byte (in lists too), counters are differences, agents a dictionary."""
+    """Floats (in lists too) and turns are split by byte, counters differences, agents looked up."""
     group = pq.read_metadata(run_files / "agent_steps.parquet").row_group(0)
     columns = {group.column(i).path_in_schema: group.column(i) for i in range(group.num_columns)}
     for name, encoding in {
         "obs.list.element": "BYTE_STREAM_SPLIT",
-        "turn": "DELTA_BINARY_PACKED",
+        "turn": "BYTE_STREAM_SPLIT",
+        "episode": "DELTA_BINARY_PACKED",
         "agent": "RLE_DICTIONARY",
     }.items():
         assert encoding in columns[name].encodings, name

@@ -1,9 +1,10 @@
 """Level `actions`: what of whole rows a small run keeps, and the digest of that.
 
 A row keeps agent, order, action, reward, flags, place in the roster, and whether its observation
-was looked at. The digest of the whole row stands only in witnesses: rows of each `EVERY`th turn,
-the reset among them, and rows whose agent has ended. All of it follows from the whole row alone, so
-a run of level `full` gives the same rows, whoever took them down.
+was looked at. Witnesses are the rows of each `EVERY`th turn, the reset among them, and rows whose
+agent has ended: one digest for those of a turn, which covers the whole rows and, at an `EVERY`th
+turn, the state. All of it follows from whole turns alone, so a run of level `full` gives the same
+rows, whoever took them down.
 """
 
 import json
@@ -31,7 +32,6 @@ from gamekeeper.episodes.block import (
 )
 from gamekeeper.episodes.buffer import BufferedTurns
 from gamekeeper.episodes.digest import (
-    SIZE,
     DigestField,
     Hasher,
     cells_digest_field,
@@ -39,11 +39,14 @@ from gamekeeper.episodes.digest import (
     names_digests,
     one_nan,
     row_digests,
+    state_digests,
 )
 from gamekeeper.episodes.layout import Layout
 
 EVERY: Final = 61
 """Turns from one witness to the next; a prime, so that agents in turn are witnesses in turn."""
+WITNESS: Final = 4
+"""Bytes of a turn's witness: a turn that came out otherwise has the same once in 4 billion."""
 KEPT: Final = ("action", "reward", "terminated", "truncated")
 """Fields of a row whose nonconforming values are kept."""
 _MISSING: Final = '"obs":{"type":"missing"}'
@@ -53,15 +56,16 @@ _ABSENT: Final = 255  # in place of a flag
 # -- Whole rows become rows of the level
 
 
-def kept_block(block: Block, *, hasher: Hasher | None = None) -> Block:
-    """The rows of `block` as level `actions` keeps them; of one that is so already, itself."""
+def kept_block(
+    block: Block, states: States | None = None, *, hasher: Hasher | None = None
+) -> Block:
+    """Whole turns of `block` as level `actions` keeps them; of one that is so already, itself.
+
+    Args:
+        states: of the same turns, where the environment has any.
+    """
     if block.witness is not None:
         return block
-    witness = np.zeros((len(block), SIZE), np.uint8)
-    is_witness = witnesses(block)
-    rows = np.flatnonzero(is_witness)
-    if len(rows):
-        witness[rows] = row_digests(rows_of(block, rows), hasher=hasher)
     return replace(
         block,
         values={name: each for name, each in block.values.items() if not name.startswith("obs")},
@@ -71,11 +75,32 @@ def kept_block(block: Block, *, hasher: Hasher | None = None) -> Block:
         terms={},
         nonconforming=_kept_texts(block.nonconforming),
         observed=_observed(block),
-        witness=Raw(witness, is_witness),
+        witness=_witnesses(block, states, hasher),
     )
 
 
-def witnesses(block: Block) -> NDArray[np.bool_]:
+def _witnesses(block: Block, states: States | None, hasher: Hasher | None) -> Raw:
+    """The witness of each turn that has one, at its first row that is one."""
+    found = _nothing(len(block), WITNESS)
+    rows = np.flatnonzero(_are_witnesses(block))
+    if not len(rows):
+        return found
+    digests = row_digests(rows_of(block, rows), hasher=hasher)
+    keys = _keys(block, rows)
+    firsts = np.flatnonzero(np.diff(keys, prepend=-1)).tolist()
+    state_of = {} if states is None else _states_by_key(states, hasher)
+    for first, end in zip(firsts, [*firsts[1:], len(rows)], strict=True):
+        whole = digests[first:end].tobytes() + state_of.get(int(keys[first]), b"")
+        found.valid[rows[first]] = True
+        found.values[rows[first]] = list(blake2b(whole, digest_size=WITNESS).digest())
+    return found
+
+
+def _keys(part: Block | States, rows: NDArray[np.intp]) -> NDArray[np.int64]:
+    return part.episode[rows].astype(np.int64) << 32 | part.turn[rows]
+
+
+def _are_witnesses(block: Block) -> NDArray[np.bool_]:
     """[rows] whether the row is a witness."""
     found = block.turn % EVERY == 0
     for flag in (block.terminated, block.truncated):
@@ -83,19 +108,20 @@ def witnesses(block: Block) -> NDArray[np.bool_]:
     return np.asarray(found, np.bool_)
 
 
-def kept_states(states: States) -> States | None:
-    """The states of the turns that are witnesses."""
+def _states_by_key(states: States, hasher: Hasher | None) -> dict[int, bytes]:
+    """The digests of the states that witnesses cover."""
     rows = np.flatnonzero(states.turn % EVERY == 0)
-    if len(rows) == len(states.turn):
-        return states
     if not len(rows):
-        return None
-    return States(
+        return {}
+    covered = States(
         states.episode[rows],
         states.turn[rows],
         [(column, _cells_of(cells, rows)) for column, cells in states.cells],
         [states.nonconforming[row] for row in rows.tolist()],
     )
+    digests = state_digests(covered, hasher=hasher)
+    keys = _keys(states, rows).tolist()
+    return {key: each.tobytes() for key, each in zip(keys, digests, strict=True)}
 
 
 def rows_of(block: Block, rows: NDArray[np.intp]) -> Block:
@@ -182,13 +208,18 @@ def _kept_text(text: str) -> str | None:
 
 
 def kept_rows(
-    buffered: BufferedTurns, layout: Layout, *, open_large: Opener, hasher: Hasher | None = None
+    buffered: BufferedTurns,
+    layout: Layout,
+    states: States | None,
+    *,
+    open_large: Opener,
+    hasher: Hasher | None = None,
 ) -> Block | None:
     """The rows of `buffered`, usual and other, as level `actions` keeps them; None without any."""
     rest, marks = None, marks_of(buffered.turns)
     if buffered.given:
         rows = block_of(buffered, layout, open_large=open_large, marks=marks)
-        rest = kept_block(rows, hasher=hasher)
+        rest = kept_block(rows, states, hasher=hasher)
     usual = _usual_block(buffered, layout, marks) if buffered.usual.agents else None
     if usual is None or rest is None:
         return usual or rest
@@ -223,7 +254,7 @@ def _usual_block(buffered: BufferedTurns, layout: Layout, marks: Marks) -> Block
         raised=None,
         nonconforming=None,
         observed=yes,
-        witness=_nothing(count, SIZE),
+        witness=_nothing(count, WITNESS),
     )
 
 
@@ -335,7 +366,7 @@ def _others(block: Block) -> Iterator[DigestField]:
         if texts is not None:
             yield cells_digest_field(name, "", (), Text(texts))
     if block.witness is not None and block.witness.valid.any():
-        yield DigestField("witness", "|u1", (SIZE,), block.witness.values, block.witness.valid)
+        yield DigestField("witness", "|u1", (WITNESS,), block.witness.values, block.witness.valid)
 
 
 def _new() -> Any:
@@ -349,7 +380,6 @@ class KeptDigest:
     header: str
     _rows: Any = field(default_factory=_new)
     _columns: dict[str, Any] = field(default_factory=dict)
-    _states: Any = field(default_factory=_new)
 
     def add_table(self, rows: Bytes2) -> None:
         """Takes the fields of every row, of rows that follow those taken before."""
@@ -361,14 +391,10 @@ class KeptDigest:
             self._columns[tag] = _new()
         self._columns[tag].update(cells)
 
-    def add_states(self, digests: Bytes2) -> None:
-        """Takes the digests of states that follow those taken before, [turns, 16]."""
-        self._states.update(np.ascontiguousarray(digests))
-
     @property
     def fingerprint(self) -> str:
-        """Covers header, rows and states; 64 hexadecimal digits."""
-        parts = [self.header.encode(), self._rows.digest(), self._states.digest()]
+        """Covers header and rows; 64 hexadecimal digits."""
+        parts = [self.header.encode(), self._rows.digest()]
         for tag, column in sorted(self._columns.items()):
             parts += [tag.encode(), column.digest()]
         return blake2b(b"\0".join(parts), digest_size=32).hexdigest()

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from gamekeeper.episodes.actions_level import WITNESS
 from gamekeeper.episodes.block import (
     Block,
     Cells,
@@ -30,7 +31,6 @@ NUMBERS: Final = {
 FLAGS: Final = ("terminated", "truncated")
 TEXTS: Final = ("info", "raised", "nonconforming")
 TERM: Final = "reward."
-DIGEST_BYTES: Final = 16
 
 
 def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
@@ -71,19 +71,15 @@ def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
     return pa.RecordBatch.from_arrays(list(fields.values()), schema=pa.schema(list(fields)))
 
 
-def states_batch(states: States, *, digests: Any | None = None) -> pa.RecordBatch:
-    """States as a record batch; `digests` [turns, 16], where given, stand in place of values."""
+def states_batch(states: States) -> pa.RecordBatch:
+    """States as a record batch."""
     columns = [
         (pa.field("episode", pa.int32()), pa.array(states.episode)),
         (pa.field("turn", pa.int32()), pa.array(states.turn)),
     ]
-    texts = pa.field("nonconforming", pa.string())
-    if digests is None:
-        columns += [cells_field(column, cells) for column, cells in states.cells]
-        columns.append((texts, pa.array(states.nonconforming, pa.string())))
-    else:
-        columns.append((texts, pa.nulls(len(states.turn), pa.string())))
-        columns.append((pa.field("digest", pa.binary()), binary_array(digests)))
+    columns += [cells_field(column, cells) for column, cells in states.cells]
+    texts = pa.array(states.nonconforming, pa.string())
+    columns.append((pa.field("nonconforming", pa.string()), texts))
     fields, arrays = zip(*columns, strict=True)
     return pa.RecordBatch.from_arrays(list(arrays), schema=pa.schema(list(fields)))
 
@@ -103,11 +99,29 @@ def _field(column: Column, kind: pa.DataType) -> pa.Field:
 
 
 def blocks_of(table: pa.Table, *, rows: int | None = None) -> Iterator[Block]:
-    """The rows of a `steps` table as blocks of at most `rows` rows, in their order."""
+    """The rows of a `steps` table as blocks of whole turns, of at most `rows` rows if these do."""
     if rows is None:
         rows = most_rows(leaf_columns(table.schema))
-    for start in range(0, table.num_rows, rows):
-        yield block_of_table(table.slice(start, rows))
+    for start, end in turn_bounds(table, rows):
+        yield block_of_table(table.slice(start, end - start))
+
+
+def turn_bounds(table: pa.Table, most: int) -> Iterator[tuple[int, int]]:
+    """Where to cut a table that is sorted by turn: at most so many rows, or one turn of more."""
+    if table.num_rows <= most:
+        yield from [(0, table.num_rows)] if table.num_rows else []
+        return
+    episode, turn = table["episode"].to_numpy(), table["turn"].to_numpy()
+    firsts = np.flatnonzero(np.diff(episode, prepend=-1) | np.diff(turn, prepend=-1))
+    start = 0
+    while start < table.num_rows:
+        end = table.num_rows
+        if end - start > most:
+            place = int(np.searchsorted(firsts, start + most, side="right")) - 1
+            place += firsts[place] <= start  # a turn of more rows stays whole
+            end = int(firsts[place]) if place < len(firsts) else end
+        yield start, end
+        start = end
 
 
 def block_of_table(table: pa.Table) -> Block:
@@ -143,12 +157,12 @@ def _kept(table: pa.Table) -> dict[str, Any]:
     if "observed" not in table.schema.names:
         return {}
     digests = table["digest"].to_pylist()
-    blank = bytes(DIGEST_BYTES)
+    blank = bytes(WITNESS)
     values = np.frombuffer(b"".join([each or blank for each in digests]), np.uint8)
     return {
         "observed": table["observed"].to_numpy(zero_copy_only=False).astype(np.bool_),
         "witness": Raw(
-            values.reshape(len(digests), DIGEST_BYTES),
+            values.reshape(len(digests), WITNESS),
             np.fromiter((each is not None for each in digests), np.bool_, len(digests)),
         ),
     }

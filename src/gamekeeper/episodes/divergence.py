@@ -216,10 +216,16 @@ class Comparison:
     Args:
         known: how far the recorded episode goes.
         tolerance: numbers that differ by no more count as equal; None: bit for bit.
+        is_kept: the recorded one is of level `actions`; its rows tell that, where it has any.
     """
 
     def __init__(
-        self, known: Extent, *, tolerance: float | None = None, volatile: Collection[str] = ()
+        self,
+        known: Extent,
+        *,
+        tolerance: float | None = None,
+        volatile: Collection[str] = (),
+        is_kept: bool = False,
     ) -> None:
         self._known, self._tolerance, self._volatile = known, tolerance, volatile
         self.is_exact = True
@@ -229,7 +235,7 @@ class Comparison:
         self.divergence: Divergence | None = None
         """The first place where they differ by more than the tolerance, if there is one."""
         self._last: tuple[Episode, Episode] | None = None
-        self._is_kept = False  # the recorded one is of level `actions`
+        self._is_kept = is_kept
 
     def add(self, recorded: Episode, replayed: Episode) -> bool:
         """Compares the next turns; True while there is no divergence."""
@@ -268,6 +274,7 @@ def compare(
     *,
     tolerance: float | None = None,
     volatile: Collection[str] = (),
+    is_kept: bool = False,
 ) -> Comparison:
     """Compares two records of one episode row by row.
 
@@ -275,8 +282,10 @@ def compare(
         recorded: may be at level "digest"; then the other's rows are digested for the comparison.
         tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
             as equal; None: bit for bit.
+        is_kept: as for `Comparison`.
     """
-    found = Comparison(extent_of(recorded), tolerance=tolerance, volatile=volatile)
+    known = extent_of(recorded)
+    found = Comparison(known, tolerance=tolerance, volatile=volatile, is_kept=is_kept)
     found.add(recorded, replayed)
     found.ends()
     return found
@@ -348,8 +357,6 @@ def _by_turn(episode: Episode, volatile: Collection[str]) -> dict[int, list[Any]
 
 
 def _states(states: pa.Table) -> list[Any]:
-    if "digest" in states.schema.names:
-        return states["digest"].to_pylist()  # type: ignore[no-any-return]
     parts: list[list[Any]] = [states["nonconforming"].to_pylist()]
     for column in value_columns(states.schema, "state"):
         cells = cells_of(column, states[column.name])
@@ -393,7 +400,9 @@ def _first(
     if a is not None and b is not None and (tolerance is None or _is_digest(left, right)):
         for agent, one, two in zip(a.agents, a.digests, b.digests, strict=True):
             if one != two:
-                return Divergence(left.episode, number, agent, "digest", one, two), largest
+                # at level actions all else is equal: what differs is the turn's witness
+                where = None if left.is_actions else agent
+                return Divergence(left.episode, number, where, "digest", one, two), largest
     if tolerance is None:  # texts that spell equal values differently: no recorder wrote them
         return Divergence(left.episode, number, None, "rows", *names), largest
     return None, largest

@@ -10,13 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gamekeeper.episodes.actions_level import (
-    KeptDigest,
-    add_kept,
-    kept_block,
-    kept_rows,
-    kept_states,
-)
+from gamekeeper.episodes.actions_level import KeptDigest, add_kept, kept_block, kept_rows
 from gamekeeper.episodes.arrow import names_array, states_batch, steps_batch
 from gamekeeper.episodes.block import Block, Columns, Opener, States, columns_of, states_of
 from gamekeeper.episodes.buffer import TURN, BufferedTurns, EpisodeEnd, EpisodeStart
@@ -106,9 +100,11 @@ class Encoder:
         if self.level != KEPT:
             columns = columns_of(buffered, self.layout, open_large=self.open_large)
             return replace(self.encode_columns(columns), timings=_timings(buffered))
-        rows = kept_rows(buffered, self.layout, open_large=self.open_large, hasher=self.hasher)
         states = states_of(buffered, self.layout, self.open_large)
-        return self.encode_columns(Columns(buffered.starts, rows, states, buffered.ends))
+        rows = kept_rows(
+            buffered, self.layout, states, open_large=self.open_large, hasher=self.hasher
+        )
+        return self.encode_columns(Columns(buffered.starts, rows, None, buffered.ends))
 
     def encode_columns(self, columns: Columns) -> Encoded:
         """The batches of what is in columns already; without timings."""
@@ -118,7 +114,7 @@ class Encoder:
         block, states, steps, digests = columns.rows, columns.states, None, None
         encoded_states = None
         if block is not None and (self.prints or self.level) == KEPT:
-            kept = kept_block(block, hasher=self.hasher)
+            kept = kept_block(block, states, hasher=self.hasher)
             add_kept(self._open, kept, by_episode)
             steps = steps_batch(kept if self.level == KEPT else block)
         elif block is not None:
@@ -132,14 +128,10 @@ class Encoder:
             else:
                 _add_lines(self._open, block, columns.steady_infos)
             steps = steps_batch(block, digests=digests if self.level == "digest" else None)
-        if states is not None and (self.prints or self.level) == KEPT:
-            witnesses = kept_states(states)
-            if witnesses is not None:
-                encoded_states = self._states(witnesses)
-            if self.level != KEPT:
-                encoded_states = states_batch(states)
-        elif states is not None:
-            encoded_states = self._states(states)
+        if states is not None and self.level != KEPT:  # there the witnesses cover them
+            if self.prints != KEPT:
+                self._add_states(states)
+            encoded_states = states_batch(states)
         ended = [self._open.pop(end.episode) for end in columns.ends]
         return Encoded(
             starts=_episodes(
@@ -165,11 +157,10 @@ class Encoder:
     def _digest(self, header: str) -> Any:
         return (KeptDigest if (self.prints or self.level) == KEPT else EpisodeDigest)(header)
 
-    def _states(self, states: States) -> pa.RecordBatch:
+    def _add_states(self, states: States) -> None:
         digests = state_digests(states, hasher=self.hasher)
         for number, turns in by_episode(states.episode):
             self._open[number].add_states(digests[turns])
-        return states_batch(states, digests=digests if self.level == KEPT else None)
 
 
 def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:

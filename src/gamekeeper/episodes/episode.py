@@ -13,11 +13,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gamekeeper.episodes.actions_level import kept_block, kept_digests, kept_states
-from gamekeeper.episodes.arrow import TERM, blocks_of, cells_of, states_batch, steps_batch
+from gamekeeper.episodes.actions_level import kept_block, kept_digests
+from gamekeeper.episodes.arrow import TERM, blocks_of, cells_of, steps_batch
 from gamekeeper.episodes.block import Cells, Raw, States
 from gamekeeper.episodes.canonical import from_json
-from gamekeeper.episodes.digest import SIZE, row_digests, state_digests
+from gamekeeper.episodes.digest import SIZE, row_digests
 from gamekeeper.episodes.layout import Column, value_columns
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec
@@ -335,9 +335,10 @@ class Episode:
         """The episode as level `actions` keeps it; itself where it is kept so."""
         if self.is_actions:
             return self
-        batches = [steps_batch(kept_block(block)) for block in blocks_of(self.steps)]
+        states = None if self.states is None else states_of_table(self.states)
+        batches = [steps_batch(kept_block(block, states)) for block in blocks_of(self.steps)]
         steps = pa.Table.from_batches(batches) if batches else self.steps
-        return replace(self, steps=steps, states=kept_states_table(self.states), _cache={})
+        return replace(self, steps=steps, states=None, _cache={})
 
     def at(self, turn: Turn | int | None, agent: AgentName | None = None, field: str = "") -> Where:
         """A place in this episode, as findings and errors name it."""
@@ -440,15 +441,6 @@ def states_of_table(states: pa.Table) -> States:
     turns = np.ascontiguousarray(states["turn"].to_numpy())
     cells, texts = cells_by_column(states, "state"), states["nonconforming"].to_pylist()
     return States(states["episode"].to_numpy(), turns, cells, texts)
-
-
-def kept_states_table(states: pa.Table | None) -> pa.Table | None:
-    """A `states` table as level `actions` keeps it: the digests of witnesses."""
-    if states is None or "digest" in states.schema.names:
-        return states
-    found = states_of_table(states)
-    kept = kept_states(found) or States(found.episode[:0], found.turn[:0], [], [])
-    return pa.Table.from_batches([states_batch(kept, digests=state_digests(kept))])
 
 
 def digests_of(steps: pa.Table) -> Any:

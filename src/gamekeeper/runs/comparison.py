@@ -32,7 +32,7 @@ from gamekeeper.runs.replay_runner import (
     opened_again,
 )
 from gamekeeper.runs.reset_chain import chain_of
-from gamekeeper.runs.run_check import contradiction
+from gamekeeper.runs.run_check import contradiction, with_prints
 from gamekeeper.runs.standing import choices_in
 
 # -- Replay: recorded actions from recorded seeds in a fresh process, compared row by row
@@ -365,9 +365,8 @@ def _other_fingerprint(evidence: Evidence, prints: list[str | None]) -> Divergen
     """The first fingerprint that differs where every row is the same: seeds, options, spaces."""
     if evidence.manifest.get("status") == "open":  # has no fingerprint yet
         return None
-    recorded = evidence.episode_table["fingerprint"].to_pylist()
-    ends = evidence.episode_table["end"].to_pylist()
-    numbers = evidence.episode_table["episode"].to_pylist()
+    table = with_prints(evidence)
+    recorded, ends, numbers = (table[n].to_pylist() for n in ("fingerprint", "end", "episode"))
     for place, (one, two) in enumerate(zip(recorded, prints, strict=True)):
         if ends[place] in ENDS_OPEN:  # its rows are compared; what came after them is unknown
             prints[place] = one

@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 from gamekeeper.episodes.canonical import from_json, is_exact
 from gamekeeper.episodes.chunks import EpisodeChunks, RowReader
 from gamekeeper.episodes.divergence import Comparison, Divergence
+from gamekeeper.episodes.encoder import KEPT
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.evidence import NO_STEPS, Evidence, manifest_of
 from gamekeeper.episodes.tables import MemoryTables
@@ -210,7 +211,8 @@ class ReplayRunner:
             opened.env,
             sink=self._sink,
             frames=was_rendered(evidence),
-            state=evidence.tables.has("states"),
+            # at level actions witnesses cover the states of an environment that has any
+            state=evidence.tables.has("states") or evidence.manifest.get("level") == KEPT,
         )
 
     def play(
@@ -251,6 +253,7 @@ class ReplayRunner:
             self._evidence.extent(header),
             tolerance=tolerance,
             volatile=self._evidence.contract.volatile_infos(),
+            is_kept=self._evidence.manifest.get("level") == KEPT,
         )
         again = self.play(header, chooser=chooser, compare=both.add)
         both.ends()

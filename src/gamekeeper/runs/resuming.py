@@ -99,13 +99,16 @@ def resume(
             runner = ReplayRunner(evidence, opened)
             known = frozenset(evidence.episode_table["episode"].to_pylist())
             for number in chain_of(header, known):
-                before = evidence.header(number)
-                again = runner.play(before, chooser=chooser)
-                if again["fingerprint"] != before["fingerprint"]:
-                    raise _otherwise(number, "another fingerprint")
+                earlier, _ = runner.compared(evidence.header(number), chooser=chooser)
+                if earlier.divergence is not None:
+                    raise _otherwise(number, str(earlier.divergence))
             played = runner.play_until(header, turn, chooser=chooser)
             both = (_cut(each, turn) for each in (evidence.episode_of(header), played))
-            compared = compare(*both, volatile=evidence.contract.volatile_infos())
+            compared = compare(
+                *both,
+                volatile=evidence.contract.volatile_infos(),
+                is_kept=evidence.manifest.get("level") == "actions",
+            )
             if compared.divergence is not None:
                 raise _otherwise(episode, str(compared.divergence))
         except BaseException:

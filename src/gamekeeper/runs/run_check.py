@@ -7,7 +7,6 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -235,11 +234,7 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
                 for block in blocks_of(steps):
                     add_infos({number: digest}, block, volatile)
         for part in evidence.tables.parts("states", number) or ():
-            if "digest" in part.schema.names:
-                found_states = np.frombuffer(b"".join(part["digest"].to_pylist()), np.uint8)
-                digest.add_states(found_states)
-            else:
-                digest.add_states(state_digests(states_of_table(part)))
+            digest.add_states(state_digests(states_of_table(part)))
         found[number] = digest.fingerprint, digest.info_fingerprint
         if header["fingerprint"] is not None and found[number] != (
             header["fingerprint"],
@@ -250,6 +245,19 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
     rows = [dict(zip(names, found[header["episode"]], strict=True)) for header in headers]
     table = pa.Table.from_pylist(rows, pa.schema([(name, pa.string()) for name in names]))
     return ComputedFingerprints(fingerprints(evidence.manifest, table), found, tuple(wrong))
+
+
+def with_prints(evidence: Evidence) -> pa.Table:
+    """The table of episodes with their fingerprints, computed where the run has none stored."""
+    table = evidence.episode_table
+    if evidence.manifest.get("level") != KEPT or table["fingerprint"].null_count < len(table):
+        return table
+    found = digest_again(evidence).episodes
+    prints = zip(*(found[number] for number in table["episode"].to_pylist()), strict=True)
+    for name, column in zip(("fingerprint", "info_fingerprint"), prints, strict=False):
+        place = table.schema.get_field_index(name)
+        table = table.set_column(place, name, pa.array(column, pa.string()))
+    return table
 
 
 def contradiction(evidence: Evidence, again: ComputedFingerprints | None = None) -> str:

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
+from gamekeeper.episodes.arrow import turn_bounds
 from gamekeeper.episodes.block import most_rows
 from gamekeeper.episodes.buffer import (
     TURN,
@@ -208,18 +209,8 @@ def _cut(table: pa.Table) -> list[pa.RecordBatch]:
     most = most_rows(leaf_columns(table.schema))
     if table.num_rows <= most:
         return list(table.to_batches())
-    episode, turn = table["episode"].to_numpy(), table["turn"].to_numpy()
-    firsts = np.flatnonzero(np.diff(episode, prepend=-1) | np.diff(turn, prepend=-1))
-    parts, start = [], 0
-    while start < table.num_rows:
-        end = table.num_rows
-        if end - start > most:
-            place = int(np.searchsorted(firsts, start + most, side="right")) - 1
-            place += firsts[place] <= start  # a turn of more rows stays whole
-            end = int(firsts[place]) if place < len(firsts) else end
-        parts += table.slice(start, end - start).combine_chunks().to_batches()
-        start = end
-    return parts
+    parts = [table.slice(start, end - start) for start, end in turn_bounds(table, most)]
+    return [batch for part in parts for batch in part.combine_chunks().to_batches()]
 
 
 def to_text(batches: Batches) -> list[list[str]]:

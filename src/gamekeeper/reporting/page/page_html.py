@@ -246,13 +246,15 @@ def quoted(text: str) -> str:
 
 def _seeds(evidence: Evidence) -> PageTable:
     headers = evidence.episode_table.slice(0, MOST_SEEDS).to_pylist()
+    # at level actions the rows of a finalized run tell them, and they aren't stored
+    without = "none yet" if evidence.manifest.get("status") == "open" else "not stored"
     rows = tuple(
         (
             Cell(str(header["episode"]), "number"),
             Cell("-" if header["seed"] is None else str(header["seed"]), "number"),
             Cell("" if header["turns"] is None else str(header["turns"]), "number"),
             Cell(str(header["end"] or "open")),
-            Cell(header["fingerprint"] or "none yet", "code"),
+            Cell(header["fingerprint"] or without, "code"),
         )
         for header in headers
     )

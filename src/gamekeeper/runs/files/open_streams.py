@@ -14,14 +14,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from gamekeeper.episodes.actions_level import EVERY
 from gamekeeper.episodes.tables import merge
 from gamekeeper.errors import RunError
 from gamekeeper.runs.files.checksums import commit
 from gamekeeper.runs.files.folder import inside, lock_folder, reading, system_error
 from gamekeeper.runs.files.journal import read_journal
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, load_manifest
-from gamekeeper.runs.files.parquet_tables import TableReader, write_table
+from gamekeeper.runs.files.parquet_tables import TableReader, write_episodes, write_table
 from gamekeeper.runs.files.schema import (
     STREAMS,
     Keys,
@@ -42,8 +41,7 @@ from gamekeeper.runs.untrusted.limits import check_memory, row_bytes
 #
 # 1. `timings`, where that stream exists, has a row for each turn 0..t (one for a finished turn),
 # 2. `states`, where that stream exists, has a row of turn t or a later one of the episode, or has
-#    rows of later episodes and none of this (its state couldn't be asked for); at level `actions`
-#    a state stands for the turns up to the next witness, and
+#    rows of later episodes and none of this (its state couldn't be asked for), and
 # 3. `steps` has a row of turn t or a later one of the episode (a turn's rows are never split across
 #    batches, and a turn without any row carries nothing).
 #
@@ -334,8 +332,6 @@ def _keys(stream: str, batches: Iterable[pa.RecordBatch]) -> tuple[Keys, Keys, K
     for batch in batches:
         episode, turn = key_arrays(batch, stream, where=stream)
         acted = np.zeros_like(episode)
-        if stream == "states" and "digest" in batch.schema.names:  # of witnesses alone
-            turn = turn + (EVERY - 1)
         if "order" in batch.schema.names:
             acted = np.asarray(pc.is_valid(batch.column("order"))).astype(np.int64)
         parts.append((episode, turn, acted))
@@ -439,7 +435,7 @@ def _finalize(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None)
                 if table is not None and episodes is None:
                     table = merge_whole(table, whole)
                 if table is not None:
-                    files[name] = write_table(folder, name, table.schema, table.to_batches())
+                    files[name] = write_episodes(folder, table, level=manifest.get("level"))
             elif stream.schema is not None:
                 schema = plain_schema(stream.schema)
                 rows = _kept(stream, schema, whole)

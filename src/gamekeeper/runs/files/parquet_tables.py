@@ -16,7 +16,14 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from gamekeeper.runs.files.folder import open_plain, reading, system_error
-from gamekeeper.runs.files.schema import EXTENSION, check_schema, plain_batch, plain_schema
+from gamekeeper.runs.files.schema import (
+    ABSENT,
+    EXTENSION,
+    check_schema,
+    plain_batch,
+    plain_schema,
+    with_absent,
+)
 from gamekeeper.runs.untrusted.limits import (
     BATCH_BYTES,
     OFFSET_BYTES,
@@ -32,8 +39,12 @@ GROUP_ROWS: Final = 1 << 17
 GROUP_BYTES: Final = 32 << 20
 HASH_BYTES: Final = 1 << 20
 LEVEL: Final = 3  # zstd; 1 wasn't faster, 6 three times slower for 4 % less
+KEPT_LEVEL: Final = 9  # at level actions, most columns of which repeat: 8 % less, and little slower
 # Whole numbers that mostly rise by one: differences take next to nothing.
-COUNTERS: Final = ("episode", "turn", "order", "wall_ns", "seed", "since")
+COUNTERS: Final = ("episode", "order", "wall_ns", "seed", "since")
+KEYS: Final = ["episode", "turn"]  # nobody looks for rows by the least and most of other columns
+KEPT_METADATA: Final = {"level": "actions"}  # of a file that leaves columns out
+PRINTS: Final = ("fingerprint", "info_fingerprint")
 SAMPLE_ROWS: Final = 4096
 FEW: Final = 16  # rows of a sample for each distinct value, above which a dictionary pays
 
@@ -47,7 +58,7 @@ class TableWriter:
     """
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
-        self.path, self.schema = path, schema
+        self.path, self.schema = path, _stored(schema)
         self._waiting: list[pa.RecordBatch] = []
         self._rows = self._bytes = self._hashed = 0
         self._digest = hashlib.blake2b(digest_size=32)
@@ -62,6 +73,7 @@ class TableWriter:
 
         Then the file lacks a column, and has to be written anew.
         """
+        schema = _stored(schema)
         if schema.equals(self.schema):
             return True
         self.schema = schema
@@ -157,13 +169,39 @@ def write_table(
     return writer.path, size, digest
 
 
+def write_episodes(folder: Path, episodes: pa.Table, *, level: object) -> tuple[Path, int, str]:
+    """The draft of `episodes.parquet`, its size and its digest.
+
+    At level `actions` columns without a value are left out, and so are the fingerprints, which
+    follow from the rows: they were half of such a run.
+
+    Raises:
+        RunError: the disk refuses.
+    """
+    if level == "actions":
+        absent = {n for n in ABSENT["episodes"] if episodes[n].null_count == len(episodes)}
+        episodes = episodes.drop_columns(list(absent.union(PRINTS)))
+        episodes = episodes.replace_schema_metadata(KEPT_METADATA)
+    return write_table(folder, "episodes", episodes.schema, episodes.to_batches())
+
+
+def _stored(schema: pa.Schema) -> pa.Schema:
+    """The columns of a stream that its file has: of level `actions`, those that it keeps."""
+    if "observed" not in schema.names:
+        return schema
+    fields = [field for field in schema if field.name not in ABSENT["agent_steps"]]
+    return pa.schema(fields, KEPT_METADATA)
+
+
 def encodings(table: pa.Table) -> dict[str, Any]:
     """The options of a Parquet writer that suit the columns, by the first rows of them.
 
     Floats, also inside lists, are split by byte (their exponents then compress), but for columns of
     numbers that come again: those that all agents are paid alike stand plain, where zstd finds
-    them, and few different ones get a dictionary. Counters stand as differences, other integers and
-    text get dictionaries (few agents, few actions), bytes stay plain.
+    them, and few different ones get a dictionary. Counters stand as differences. Turns, which rise
+    by one after as many rows as there are agents, are split by byte: one that no episode exceeds is
+    zero throughout. Other integers and text get dictionaries (few agents, few actions), and so do
+    digests that come again; other bytes stay plain.
     """
     sink = pa.BufferOutputStream()
     pq.write_table(table.schema.empty_table(), sink)
@@ -174,6 +212,13 @@ def encodings(table: pa.Table) -> dict[str, Any]:
         is_half = leaf.logical_type.type == "FLOAT16"
         if leaf.path in COUNTERS and leaf.physical_type in ("INT32", "INT64"):
             chosen[leaf.path] = "DELTA_BINARY_PACKED"
+        elif leaf.path == "turn":
+            chosen[leaf.path] = "BYTE_STREAM_SPLIT"
+        elif leaf.path == "digest":
+            if _rows_per_value(table, leaf.path, sample=GROUP_ROWS) >= 2:
+                dictionary.append(leaf.path)
+            else:
+                chosen[leaf.path] = "DELTA_LENGTH_BYTE_ARRAY"
         elif leaf.physical_type in ("FLOAT", "DOUBLE") or is_half:
             rows_per_value = 0.0 if is_half else _rows_per_value(table, leaf.path)
             if rows_per_value >= FEW:
@@ -184,20 +229,21 @@ def encodings(table: pa.Table) -> dict[str, Any]:
             dictionary.append(leaf.path)
     return {
         "compression": "zstd",
-        "compression_level": LEVEL,
+        "compression_level": KEPT_LEVEL if "observed" in table.schema.names else LEVEL,
         "use_dictionary": dictionary,
         "column_encoding": chosen,
         "write_page_checksum": True,
+        "write_statistics": KEYS,
     }
 
 
-def _rows_per_value(table: pa.Table, name: str) -> float:
+def _rows_per_value(table: pa.Table, name: str, *, sample: int = SAMPLE_ROWS) -> float:
     """Mean number of rows for each distinct value, in a column's first rows; 0 inside a list."""
     if name not in table.schema.names:
         return 0.0
-    sample = table[name].slice(0, SAMPLE_ROWS).drop_null()
-    distinct: int = pc.count_distinct(sample).as_py()
-    return len(sample) / max(1, distinct)
+    values = table[name].slice(0, sample).drop_null()
+    distinct: int = pc.count_distinct(values).as_py()
+    return len(values) / max(1, distinct)
 
 
 # -- Reads a run's Parquet files with suspicion: sizes first, no foreign code, every page checked
@@ -236,8 +282,10 @@ class TableReader:
             self._file = self._opened()
             if self._file.num_row_groups != len(self._groups):
                 raise ValueError("a footer that is read in two ways")
-            self.schema = plain_schema(self._file.schema_arrow)
-            check_schema(self.schema, stream, where=str(path))
+            stored = self._file.schema_arrow
+            check_schema(plain_schema(stored), stream, where=str(path))
+            self.schema = plain_schema(with_absent(stored, stream))
+            self._stored = frozenset(stored.names)
 
     @property
     def groups(self) -> int:
@@ -312,9 +360,10 @@ class TableReader:
         size = rows * sum(row_bytes(field.type) for field in schema)
         size += sum(OFFSET_BYTES * chunk.values + chunk.size_bytes for chunk in wanted)
         check_growth(size, self._size)
-        table = self._file.read_row_group(number, columns=None if columns is None else schema.names)
+        names = [n for n in schema.names if n in self._stored] or self.schema.names[:1]
+        table = self._file.read_row_group(number, columns=None if columns is None else names)
         # Arrow takes "reward" to name "reward.delivery" too
-        batches = table.select(schema.names).to_batches()
+        batches = table.select(names).to_batches()
         for column in table.itercolumns():
             if pa.types.is_dictionary(column.type):
                 check_growth(size + sum(_text_bytes(part) for part in column.chunks), self._size)

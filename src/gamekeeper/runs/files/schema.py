@@ -20,6 +20,11 @@ KNOWN: Final = {
     "timings": pa.schema([("wall_ns", pa.int64())]),
 }
 """Columns that a stream of a run always has; others depend on its spaces and contract."""
+ABSENT: Final = {
+    "episodes": frozenset(EPISODES.names) - {"episode", "turns", "end"},
+    "agent_steps": frozenset(("action_mask", "cumulative_reward", "info")),
+}
+"""Columns that the Parquet files of level `actions` leave out without a value in them."""
 Keys = npt.NDArray[np.int64]
 DEPTH: Final = 32  # nested types
 LIST_BYTES: Final = 1 << 24  # a row of a fixed-size list; what is longer stands as bytes
@@ -78,8 +83,21 @@ def check_columns(schema: pa.Schema, stream: str, *, where: str) -> None:
 
 
 def plain_schema(schema: pa.Schema) -> pa.Schema:
-    """The schema with dictionaries as their values and every column nullable."""
+    """The schema with dictionaries as their values, every column nullable, no further metadata."""
     fields = [field.with_type(_plain_type(field.type)).with_nullable(True) for field in schema]
+    return pa.schema(fields)
+
+
+def with_absent(schema: pa.Schema, stream: str) -> pa.Schema:
+    """The schema with the columns that a file of level `actions` left out, each in its place."""
+    if (schema.metadata or {}).get(b"level") != b"actions":
+        return schema
+    names, fields, behind = set(schema.names), list(schema), len(schema)
+    for field in reversed(EPISODES if stream == "episodes" else NO_STEPS):
+        if field.name in names:
+            behind = schema.get_field_index(field.name)
+        elif field.name in ABSENT[stream]:
+            fields.insert(behind, field)
     return pa.schema(fields)
 
 

@@ -17,7 +17,12 @@ from gamekeeper.runs.files.folder import MANIFEST, claim, inside, replace, syste
 from gamekeeper.runs.files.journal import JournalWriter
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, STATUSES, render
 from gamekeeper.runs.files.open_streams import StreamFiles
-from gamekeeper.runs.files.parquet_tables import GROUP_BYTES, GROUP_ROWS, TableWriter, write_table
+from gamekeeper.runs.files.parquet_tables import (
+    GROUP_BYTES,
+    GROUP_ROWS,
+    TableWriter,
+    write_episodes,
+)
 from gamekeeper.runs.files.schema import (
     STREAMS,
     check_schema,
@@ -366,7 +371,7 @@ class RunStore:
         self._roller.stop()
         files = self._roller.finish()
         if self._counts["episodes"]:
-            files["episodes"] = write_table(self.path, "episodes", rows.schema, rows.to_batches())
+            files["episodes"] = write_episodes(self.path, rows, level=manifest.get("level"))
         commit(self.path, manifest, files, durable=self._durable)
 
     def _checked(self, stream: str, schema: pa.Schema) -> pa.Schema:

@@ -17,9 +17,11 @@ from gamekeeper.runs.files.checksums import commit, compare_checksums, frame_nam
 from gamekeeper.runs.files.folder import claim, inside
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, load_manifest, render
 from gamekeeper.runs.files.notes import add_note, read_notes
-from gamekeeper.runs.files.parquet_tables import TableReader, TableWriter, write_table
+from gamekeeper.runs.files.parquet_tables import TableReader, TableWriter, write_episodes
 from gamekeeper.runs.files.schema import STREAMS, plain_schema
+from gamekeeper.runs.load_run import load
 from gamekeeper.runs.parts.receipts import Receipt
+from gamekeeper.runs.run_check import with_prints
 
 # -- Columns of parts put together: one that a part names otherwise, or lacks, finds its place
 #
@@ -153,8 +155,7 @@ class MergedRun:
                 for batch in TableReader(part / f"{stream}.parquet", stream).batches():
                     self._writers[stream].add(columns.fit(batch))
         if "episodes.parquet" in files:
-            table = TableReader(part / "episodes.parquet", "episodes").read()
-            self._episodes += table.cast(EPISODES).to_batches()
+            self._episodes += with_prints(load(part, check=False)).cast(EPISODES).to_batches()
         for name in frame_names(part):
             target = inside(self._folder, name)
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -178,9 +179,7 @@ class MergedRun:
             **({} if error is None else {"error": error}),
         }
         files = {name: (each.path, *each.finish()) for name, each in self._writers.items()}
-        files["episodes"] = write_table(
-            self._folder, "episodes", episodes.schema, episodes.to_batches()
-        )
+        files["episodes"] = write_episodes(self._folder, episodes, level=manifest.get("level"))
         commit(self._folder, manifest, files)
         if self._modules is not None:
             own_runs.remember(self._folder, self._modules)

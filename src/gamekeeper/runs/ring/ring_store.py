@@ -19,7 +19,7 @@ from gamekeeper.episodes.encoder import EPISODES
 from gamekeeper.episodes.tables import merged_episodes
 from gamekeeper.errors import GamekeeperError, RunError
 from gamekeeper.runs.files.checksums import commit
-from gamekeeper.runs.files.parquet_tables import write_table
+from gamekeeper.runs.files.parquet_tables import write_episodes, write_table
 from gamekeeper.runs.files.schema import STREAMS, plain_batch
 from gamekeeper.runs.files.segments import SegmentReader, SegmentWriter, segment_name
 from gamekeeper.runs.files.store import ROLLED, RunStore
@@ -218,9 +218,7 @@ class RingStore(RunStore):
                 rows = (_without(b, self._last_dropped) for b in self._batches(stream, numbers))
                 files[stream] = write_table(self.path, stream, self._schemas[stream], rows)
         if self._rows is not None and self._counts["episodes"]:
-            files["episodes"] = write_table(
-                self.path, "episodes", EPISODES, self._rows.to_batches()
-            )
+            files["episodes"] = write_episodes(self.path, self._rows, level=manifest.get("level"))
         commit(self.path, manifest, files, durable=self._durable)
 
     def abandon(self) -> None:
