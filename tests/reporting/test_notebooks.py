@@ -8,6 +8,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.checks.verdict import Finding, Verdict
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.pivot_result import Pivots
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.runs.comparison import Replay
 from gamekeeper.runs.standing import Against, Standing
@@ -87,6 +88,28 @@ def test_divergence_has_a_caption_with_its_place() -> None:
     seen = elements(Divergence(3, 7, "picker_0", "reward", 1.0, 0.5)._repr_html_())
     assert "First difference, episode 3, turn 7, agent picker_0" in seen.text
     assert "caption" in seen.found
+
+
+@pytest.mark.parametrize(
+    "result",
+    [
+        Verdict("GK402", "A promise.", "not_exercised", "high", reason="no agent ended"),
+        Pivots("run", "full:0", (), (0, 6)),
+    ],
+)
+def test_notebooks_show_no_table_without_rows(result: Verdict | Pivots) -> None:
+    """A sentence stands where a heading would stand alone."""
+    seen = elements(result._repr_html_())
+    assert "table" not in seen.found
+    assert "no agent ended" in seen.text or "0 of 6 episodes failed" in seen.text
+
+
+def test_programs_stand_in_notebooks_as_code() -> None:
+    """Jupyter sets `code` in its fixed-width font; `pre` alone in that of its text."""
+    program = "for agent in agents:\n    pass"
+    seen = elements(Finding("w", "e", "a", "f", program)._repr_html_())
+    assert seen.found[-2:] == ["pre", "code"]
+    assert program in seen.text
 
 
 def test_notebooks_show_every_public_result(tmp_path: Path) -> None:

@@ -123,6 +123,8 @@ class Verdict:
     def _repr_html_(self) -> str:
         rows = [[each.where, each.expected, each.actual, each.fix] for each in self.findings]
         caption = f"{self.id} {self.outcome.replace('_', ' ')}: {self.claim}"
+        if not rows:
+            return html_text(f"{caption}\n{self.reason}")
         return html_table([["where", "expected", "actual", "fix"], *rows], caption=caption)
 
     @property

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, Self, TypeAlias
 
 from gamekeeper.diagnosis.plain_data import PlainData, frozen
-from gamekeeper.episodes.row_tables import html_table, text_lines
+from gamekeeper.episodes.row_tables import html_table, html_text, text_lines
 
 Question: TypeAlias = Literal["falls", "last action"]
 QUESTIONS: Final[Mapping[Question, str]] = {
@@ -192,10 +192,16 @@ class Pivots(PlainData):
         return rows
 
     def __str__(self) -> str:
-        return "\n".join(text_lines(self.rows()))
+        return "\n".join(text_lines(rows)) if len(rows := self.rows()) > 1 else self._none_text()
 
     def _repr_html_(self) -> str:
-        return html_table(self.rows(), caption=f"Pivots of {self.run}")
+        if len(rows := self.rows()) == 1:
+            return html_text(self._none_text())
+        return html_table(rows, caption=f"Pivots of {self.run}")
+
+    def _none_text(self) -> str:
+        failed, episodes = self.failed
+        return f"No pivot in {self.run}: {failed} of {episodes} episodes failed"
 
 
 def _own(kind: type[Any], data: Mapping[str, Any]) -> Any:

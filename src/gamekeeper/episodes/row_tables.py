@@ -19,7 +19,7 @@ def text_lines(rows: Sequence[Sequence[str]], *, right: Collection[int] = ()) ->
 def html_text(text: str) -> str:
     """Lines of text for a notebook, the first one bold."""
     first, *others = map(escape, text.splitlines() or [""])
-    rest = f"<pre>{chr(10).join(others)}</pre>" if others else ""
+    rest = f"<pre><code>{chr(10).join(others)}</code></pre>" if others else ""
     return f"<b>{first}</b>{rest}"
 
 
