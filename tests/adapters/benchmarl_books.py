@@ -24,7 +24,7 @@ def buffer(cell: Cell) -> str:
     """
     from gamekeeper.adapters.benchmarl import task
 
-    role = {"role": "dog", "others": "first-legal"} if cell.roles == 2 else {}
+    role: dict[str, Any] = {"role": "dog", "others": "first-legal"} if cell.roles == 2 else {}
     try:
         made = task(cell.spec, check=None, max_steps=steps_of(cell), env_kwargs=cell.kwargs, **role)
     except SpecError as error:

@@ -36,7 +36,7 @@ DONE: Final[dict[str, Any]] = {
     "Dict": PARTS,
     "Tuple": spaces.Tuple((VECTOR, spaces.Discrete(3))),
 }
-EACH: Final = [
+EACH: Final[list[dict[str, Any]]] = [
     *[{"seen": seen} for seen in SEEN],
     *[{"done": done} for done in DONE if done != "Discrete"],
     *[{"mask": "info", "done": done} for done in ("Discrete", "MultiDiscrete", "Discrete from 1")],

@@ -216,7 +216,7 @@ def test_what_cant_be_is_refused() -> None:
     with pytest.raises(SpecError, match="part of the buffer"):
         tianshou.Collector(first_legal(env), env, ReplayBuffer(10))
     with pytest.raises(SpecError, match="needs an environment of vector_env"):
-        tianshou.Collector(first_legal(env), object())
+        tianshou.Collector(first_legal(env), object())  # type: ignore[arg-type]  # refused
     with pytest.raises(SpecError, match="no policy"):
         made("warehouse", role="picker")
     with pytest.raises(SpecError, match="has no such value"):

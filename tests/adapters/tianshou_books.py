@@ -28,7 +28,7 @@ def buffer(cell: Cell) -> str:
 
     from gamekeeper.adapters import tianshou
 
-    role = {"role": "dog", "others": "first-legal"} if cell.roles == 2 else {}
+    role: dict[str, Any] = {"role": "dog", "others": "first-legal"} if cell.roles == 2 else {}
     try:
         env = tianshou.vector_env(
             cell.spec, ENVS, check=None, seed=SEED, env_kwargs=cell.kwargs, **role

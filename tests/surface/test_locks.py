@@ -10,13 +10,14 @@ from packaging.utils import canonicalize_name
 
 from tests.surface.sources import ROOT
 
-LOCKS = ["base.txt", "test.txt"]
+TRAINERS = ROOT / "requirements" / "trainers"
+LOCKS = ["base.txt", "test.txt", *(f"trainers/{path.name}" for path in TRAINERS.glob("*.txt"))]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = [
     text
     for extra, texts in PROJECT["optional-dependencies"].items()
     if extra != "cuda"  # only machines with a device install it
-    and not (ROOT / "requirements" / "trainers" / f"{extra}.in").exists()  # has its own lock
+    and not (TRAINERS / f"{extra}.in").exists()  # has its own lock
     for text in texts
 ]
 
