@@ -117,6 +117,19 @@ class Turning(AECEnv):
             self.bend(self)
 
 
+class Stops(Turning):
+    """Over for all as one has counted enough; a step after that changes nothing."""
+
+    def step(self, action: Any) -> None:
+        """Counts, and pays all at the end."""
+        if any(self.terminations.values()):
+            return
+        super().step(action)
+        if any(self.terminations.values()):
+            self.terminations = dict.fromkeys(self.agents, True)
+            self.rewards = dict.fromkeys(self.agents, 1.0)
+
+
 class Made:
     """An agent that equals itself alone."""
 

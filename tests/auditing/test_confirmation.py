@@ -123,6 +123,14 @@ def test_pay_after_the_end_follows_where_it_stops_once_the_ended_are_out(
     assert cause == (None if follows is None else follows.id)
 
 
+def test_faults_of_a_step_that_nothing_happens_in_follow_from_agents_that_stay() -> None:
+    """One line makes all of it: agents wait, take actions and are paid, as none is removed."""
+    select = "GK303", "GK304", "GK407", "GK522"
+    found = audit_here("tests.auditing.roster_games:Stops", select=select, budget=600)
+    causes = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
+    assert causes == {"GK303": None, "GK304": "GK303", "GK407": "GK303", "GK522": "GK303"}
+
+
 @pytest.mark.parametrize("select", [("GK6",), ("GK620",)], ids=str)
 def test_second_fault_is_shown_with_the_first_held_still(select: tuple[str, ...]) -> None:
     """Writing into an observation moves the game, whatever the process draws."""

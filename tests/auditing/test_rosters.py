@@ -341,3 +341,16 @@ def test_reset_that_ends_the_program_is_told_where_agents_are_not_listed() -> No
             raise SystemExit
 
     assert "SystemExit" in str(audit_here(Leaves, budget=200).verdicts)
+
+
+def test_flags_of_agents_that_are_not_in_the_game_are_no_flags_of_an_episode() -> None:
+    """Of a possible agent that sits out GK106 tells; the reset's flags are of those that play."""
+
+    class SitsOut(Turning):
+        def reset(self, seed: int | None = None, options: Any = None) -> None:
+            super().reset()
+            self.agents.remove("c")
+            self.terminations["c"] = True
+
+    found = audit_here(SitsOut, select=("GK106", "GK506"), budget=300)
+    assert [each.id for each in found.failed] == ["GK106"]

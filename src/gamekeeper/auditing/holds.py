@@ -380,6 +380,26 @@ def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def dead_steps_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Makes steps of ended agents as PettingZoo does; without agents nothing is played on."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def last(self: Any, observe: bool = True) -> Any:
+            return cls.last(self, observe) if self.agents else (None, 0.0, True, False, {})
+
+        def step(self: Any, action: Any) -> Any:
+            agent, flags = self.agent_selection, (self.terminations, self.truncations)
+            if self.agents and not any(book[agent] for book in flags):
+                return cls.step(self, action)
+            if self.agents or action is not None:
+                sys.modules["pettingzoo"].AECEnv._was_dead_step(self.unwrapped, action)
+            return None
+
+        return {"last": last, "step": step}
+
+    return with_methods(make, methods)
+
+
 def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Deletes entries of agents that aren't in the game from rewards and flags."""
 
@@ -481,16 +501,6 @@ def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(built, methods)
 
 
-@contextlib.contextmanager
-def still_entropy() -> Iterator[None]:
-    """Within it a generator that asks the system for entropy gets the same bits each time."""
-    put_back = hold_entropy()
-    try:
-        yield
-    finally:
-        put_back()
-
-
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Holds one kind of cause still.
@@ -558,6 +568,9 @@ HOLDS: Final = {
     "GK612": Hold("results of state() copied", state_held, ("GK622",)),
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
+    "GK303": Hold(
+        "steps of the dead made by `_was_dead_step`", dead_steps_held, ("GK304", "GK407", "GK522")
+    ),
     "GK107": Hold("missing entries added", missing_held, ("GK108", "GK221", "GK403", "GK527")),
     "GK109": Hold("missing entries added", missing_held, ("GK527",)),
     "GK106": Hold(
