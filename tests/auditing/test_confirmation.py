@@ -131,6 +131,13 @@ def test_faults_of_a_step_that_nothing_happens_in_follow_from_agents_that_stay()
     assert causes == {"GK303": None, "GK304": "GK303", "GK407": "GK303", "GK522": "GK303"}
 
 
+def test_observation_that_hands_out_an_info_shares_what_infos_share() -> None:
+    """One array is told once, where infos of their own leave each observation its own."""
+    found = audit_here("tests.auditing.roster_games:OneMask", select=("GK61",), budget=600)
+    causes = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
+    assert causes == {"GK614": "GK615", "GK615": None}
+
+
 @pytest.mark.parametrize("select", [("GK6",), ("GK620",)], ids=str)
 def test_second_fault_is_shown_with_the_first_held_still(select: tuple[str, ...]) -> None:
     """Writing into an observation moves the game, whatever the process draws."""

@@ -538,7 +538,7 @@ READINGS: Final = Hold(
     "state() and render() called on a copy", readings_held, ("GK604", "GK607", "GK805", "GK814")
 )
 OBSERVATIONS: Final = Hold("observations copied", observations_held, ("GK614", "GK620", "GK624"))
-INFOS: Final = Hold("infos copied", infos_held, ("GK621", "GK624"))
+INFOS: Final = Hold("infos copied", infos_held, ("GK614", "GK621", "GK624"))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same episode differs by itself, so that another fault in it can be shown."""
@@ -562,9 +562,9 @@ HOLDS: Final = {
     "GK607": CLASSES,
     "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
     "GK610": OBSERVATIONS,
+    "GK615": INFOS,
     "GK614": OBSERVATIONS,
     "GK611": INFOS,
-    "GK615": INFOS,
     "GK612": Hold("results of state() copied", state_held, ("GK622",)),
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
