@@ -414,6 +414,16 @@ def test_an_exception_of_the_environment_shows_an_exception_alone(
             assert found[2] is is_shown
 
 
+def test_program_that_a_loaded_module_stops_runs_without_it() -> None:
+    """Some modules are to be loaded after a choice that the environment makes as it is imported."""
+    program = "import sys\nif 'colorsys' in sys.modules: raise ImportError\nassert False, 'shown'"
+    finding = Finding("here", "a number", "another", "", program)
+    with WarmWorker(("colorsys",)) as worker:
+        work = Confirmation([worker], lambda: None, None)
+        found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
+    assert found[2]
+
+
 @pytest.mark.parametrize(
     ("line", "file"), [("np.testing.assert_equal(1, 2)", ""), ("json.loads('{')", "decoder.py")]
 )

@@ -354,3 +354,16 @@ def test_flags_of_agents_that_are_not_in_the_game_are_no_flags_of_an_episode() -
 
     found = audit_here(SitsOut, select=("GK106", "GK506"), budget=300)
     assert [each.id for each in found.failed] == ["GK106"]
+
+
+def test_program_of_an_empty_roster_looks_right_after_a_reset() -> None:
+    """Whatever was played before: at the end of an episode nobody is there in any environment."""
+
+    class Empty(Counting):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            super().reset()
+            self.agents = []
+            return {}, {}
+
+    found = audit_here(Empty, select=("GK103",), budget=300).of("GK103").findings
+    assert "env.reset(seed=SEED)\nassert list(env.agents)" in found[0].reproducer
