@@ -117,6 +117,37 @@ class Turning(AECEnv):
             self.bend(self)
 
 
+class Stops(Turning):
+    """Over for all as one has counted enough; a step after that changes nothing."""
+
+    def step(self, action: Any) -> None:
+        """Counts, and pays all at the end."""
+        if any(self.terminations.values()):
+            return
+        super().step(action)
+        if any(self.terminations.values()):
+            self.terminations = dict.fromkeys(self.agents, True)
+            self.rewards = dict.fromkeys(self.agents, 1.0)
+
+
+class OneMask(Turning):
+    """Shows each agent the mask in its info, one array for all."""
+
+    def observation_space(self, agent: Any) -> Any:
+        """The mask."""
+        return spaces.MultiBinary(2)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Makes the mask."""
+        super().reset()
+        mask = np.ones(2, np.int8)
+        self.infos = {agent: {"action_mask": mask} for agent in self.agents}
+
+    def observe(self, agent: Any) -> Any:
+        """The mask, as it lies there."""
+        return self.infos[agent]["action_mask"]
+
+
 class Made:
     """An agent that equals itself alone."""
 

@@ -123,6 +123,21 @@ def test_pay_after_the_end_follows_where_it_stops_once_the_ended_are_out(
     assert cause == (None if follows is None else follows.id)
 
 
+def test_faults_of_a_step_that_nothing_happens_in_follow_from_agents_that_stay() -> None:
+    """One line makes all of it: agents wait, take actions and are paid, as none is removed."""
+    select = "GK303", "GK304", "GK407", "GK522"
+    found = audit_here("tests.auditing.roster_games:Stops", select=select, budget=600)
+    causes = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
+    assert causes == {"GK303": None, "GK304": "GK303", "GK407": "GK303", "GK522": "GK303"}
+
+
+def test_observation_that_hands_out_an_info_shares_what_infos_share() -> None:
+    """One array is told once, where infos of their own leave each observation its own."""
+    found = audit_here("tests.auditing.roster_games:OneMask", select=("GK61",), budget=600)
+    causes = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
+    assert causes == {"GK614": "GK615", "GK615": None}
+
+
 @pytest.mark.parametrize("select", [("GK6",), ("GK620",)], ids=str)
 def test_second_fault_is_shown_with_the_first_held_still(select: tuple[str, ...]) -> None:
     """Writing into an observation moves the game, whatever the process draws."""
@@ -397,6 +412,16 @@ def test_an_exception_of_the_environment_shows_an_exception_alone(
             finding = Finding("here", "a number", actual, "", program)
             found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
             assert found[2] is is_shown
+
+
+def test_program_that_a_loaded_module_stops_runs_without_it() -> None:
+    """Some modules are to be loaded after a choice that the environment makes as it is imported."""
+    program = "import sys\nif 'colorsys' in sys.modules: raise ImportError\nassert False, 'shown'"
+    finding = Finding("here", "a number", "another", "", program)
+    with WarmWorker(("colorsys",)) as worker:
+        work = Confirmation([worker], lambda: None, None)
+        found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
+    assert found[2]
 
 
 @pytest.mark.parametrize(

@@ -325,7 +325,7 @@ def test_a_set_is_no_roster() -> None:
 def test_a_fault_is_shown_where_no_action_can_name_its_agent() -> None:
     """Programs find agents by their place; agents that no file can name are a fault themselves."""
     spec = "tests.auditing.roster_games:MadeAnew"
-    found = audit_here(spec, select=("GK110", "GK221", "GK902"), budget=300)
+    found = audit_here(spec, select=("GK110", "GK221", "GK607", "GK902"), budget=300)
     assert {each.id for each in found.failed} == {"GK110", "GK902"}
 
 
@@ -341,3 +341,29 @@ def test_reset_that_ends_the_program_is_told_where_agents_are_not_listed() -> No
             raise SystemExit
 
     assert "SystemExit" in str(audit_here(Leaves, budget=200).verdicts)
+
+
+def test_flags_of_agents_that_are_not_in_the_game_are_no_flags_of_an_episode() -> None:
+    """Of a possible agent that sits out GK106 tells; the reset's flags are of those that play."""
+
+    class SitsOut(Turning):
+        def reset(self, seed: int | None = None, options: Any = None) -> None:
+            super().reset()
+            self.agents.remove("c")
+            self.terminations["c"] = True
+
+    found = audit_here(SitsOut, select=("GK106", "GK506"), budget=300)
+    assert [each.id for each in found.failed] == ["GK106"]
+
+
+def test_program_of_an_empty_roster_looks_right_after_a_reset() -> None:
+    """Whatever was played before: at the end of an episode nobody is there in any environment."""
+
+    class Empty(Counting):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            super().reset()
+            self.agents = []
+            return {}, {}
+
+    found = audit_here(Empty, select=("GK103",), budget=300).of("GK103").findings
+    assert "env.reset(seed=SEED)\nassert list(env.agents)" in found[0].reproducer

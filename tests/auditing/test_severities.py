@@ -7,6 +7,7 @@ import pickle
 import random
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import ExitStack
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ import pytest
 from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
-from gamekeeper.auditing.holds import copies_held, generators_held, spaces_held, still_entropy
+from gamekeeper.auditing.holds import copies_held, generators_held, hold_entropy, spaces_held
 from gamekeeper.checks.spaces.action_masks import stands_elsewhere
 from gamekeeper.checks.verdict import Verdict
 from tests.auditing.lucky_games import Sound
@@ -170,7 +171,8 @@ class Unseeded:
 
 def test_generators_begin_anew_at_each_reset_where_they_are_held() -> None:
     """A used instance then plays like a fresh one, so that nothing else survives a reset."""
-    with still_entropy():  # puts back what a held program leaves as it is
+    with ExitStack() as put_back:  # what a held program leaves as it is
+        put_back.callback(hold_entropy())
         env = generators_held(Unseeded)()
         first = [env.reset(), env.step(0)]
         assert first[0] != first[1]

@@ -187,6 +187,15 @@ class Confirmation:
 
 
 def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, str, str]:
+    """End of a program; where it can't run beside the modules of its worker, without them."""
+    end = _end_in(worker, program, limit_s)
+    if end[0] != "not run":
+        return end
+    with worker.bare() as bare:  # a backend, say, is chosen before its module is loaded
+        return _end_in(bare, program, limit_s)
+
+
+def _end_in(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, str, str]:
     """End of a program in a process of its own; failed: by what its environment does.
 
     With it the exception and its line, where no line of the program itself raised it, and the

@@ -2,14 +2,14 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from contextlib import nullcontext
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from gamekeeper.auditing.agent_places import are_found_by_place
 from gamekeeper.auditing.class_state import ClassState
 from gamekeeper.auditing.evidence_memory import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
-from gamekeeper.auditing.holds import still_entropy
+from gamekeeper.auditing.holds import hold_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
 from gamekeeper.checks.paired_episodes import differs_by_itself
@@ -250,7 +250,9 @@ def look_once(session: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRu
     """
     session.base = None
     is_held = session.holds_entropy and probe.name not in OF_ENTROPY
-    with held(), still_entropy() if is_held else nullcontext():
+    with held(), ExitStack() as put_back:
+        if is_held:
+            put_back.callback(hold_entropy())
         try:
             saw = list(probe.look(session, play))
         finally:

@@ -380,6 +380,26 @@ def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def dead_steps_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Makes steps of ended agents as PettingZoo does; without agents nothing is played on."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def last(self: Any, observe: bool = True) -> Any:
+            return cls.last(self, observe) if self.agents else (None, 0.0, True, False, {})
+
+        def step(self: Any, action: Any) -> Any:
+            agent, flags = self.agent_selection, (self.terminations, self.truncations)
+            if self.agents and not any(book[agent] for book in flags):
+                return cls.step(self, action)
+            if self.agents or action is not None:
+                sys.modules["pettingzoo"].AECEnv._was_dead_step(self.unwrapped, action)
+            return None
+
+        return {"last": last, "step": step}
+
+    return with_methods(make, methods)
+
+
 def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Deletes entries of agents that aren't in the game from rewards and flags."""
 
@@ -481,16 +501,6 @@ def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(built, methods)
 
 
-@contextlib.contextmanager
-def still_entropy() -> Iterator[None]:
-    """Within it a generator that asks the system for entropy gets the same bits each time."""
-    put_back = hold_entropy()
-    try:
-        yield
-    finally:
-        put_back()
-
-
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Holds one kind of cause still.
@@ -528,7 +538,7 @@ READINGS: Final = Hold(
     "state() and render() called on a copy", readings_held, ("GK604", "GK607", "GK805", "GK814")
 )
 OBSERVATIONS: Final = Hold("observations copied", observations_held, ("GK614", "GK620", "GK624"))
-INFOS: Final = Hold("infos copied", infos_held, ("GK621", "GK624"))
+INFOS: Final = Hold("infos copied", infos_held, ("GK614", "GK621", "GK624"))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same episode differs by itself, so that another fault in it can be shown."""
@@ -552,12 +562,15 @@ HOLDS: Final = {
     "GK607": CLASSES,
     "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
     "GK610": OBSERVATIONS,
+    "GK615": INFOS,
     "GK614": OBSERVATIONS,
     "GK611": INFOS,
-    "GK615": INFOS,
     "GK612": Hold("results of state() copied", state_held, ("GK622",)),
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
+    "GK303": Hold(
+        "steps of the dead made by `_was_dead_step`", dead_steps_held, ("GK304", "GK407", "GK522")
+    ),
     "GK107": Hold("missing entries added", missing_held, ("GK108", "GK221", "GK403", "GK527")),
     "GK109": Hold("missing entries added", missing_held, ("GK527",)),
     "GK106": Hold(

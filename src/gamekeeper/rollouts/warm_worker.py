@@ -71,6 +71,10 @@ class WarmWorker:
             self._is_ready = False
         return self._process
 
+    def bare(self) -> "WarmWorker":
+        """Another worker of the same hash seed that imports nothing beforehand."""
+        return WarmWorker((), hash_seed=self._hash_seed)
+
     def close(self) -> None:
         """Ends the process and all that its tasks left behind."""
         process, self._process = self._process, None

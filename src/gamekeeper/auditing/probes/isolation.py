@@ -181,6 +181,8 @@ def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `HashSeed`, `RosterElsewhere`, `SettledElsewhere`.
     """
+    if session.by_place:
+        return  # agents that a reset makes are called otherwise by each play: none is like another
     is_steered = session.api == "parallel" and play.stream > 0
     steer = partial(meeting, session.contract) if is_steered else None
     rosters: list[list[str]] = []

@@ -296,13 +296,14 @@ def _books(env: Any) -> TurnBooks:
 
 
 def _flagged(env: Any) -> list[str]:
-    """Agents that an AEC environment says have ended."""
+    """Agents in `agents` that an AEC environment says have ended."""
     found: dict[str, None] = {}
+    live = set(map(agent_name, getattr(env, "agents", ()) or ()))
     for name in FLAGS:
         book = getattr(env, name, None)
         if isinstance(book, Mapping):
             found.update((agent_name(agent), None) for agent, flag in book.items() if is_up(flag))
-    return list(found)
+    return [agent for agent in found if agent in live]
 
 
 MOST_TURNS: Final = 20

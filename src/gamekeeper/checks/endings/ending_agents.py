@@ -284,10 +284,11 @@ def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Cases:
             ended |= turn.ended & roster
 
 
-FRESH = """\
+AFTER = """\
+env.reset(seed=SEED)
 flagged = [a for a in env.agents if env.terminations[a] or env.truncations[a]]
 assert not flagged, flagged"""
-AFTER = f"env.reset(seed=SEED)\n{FRESH}"
+FRESH = f"env = make()\n{AFTER}"
 
 
 @check("GK506", HIGH, "surface", api="aec")
@@ -312,7 +313,8 @@ def a_reset_takes_the_flags_down(contract: Contract, evidence: ProbeEvidence) ->
             continue
         flagged = first or second
         where = replace(fact.where, turn=0)
-        yield Case(where, not flagged, "no flags up", f"up: {', '.join(flagged)}", FRESH)
+        proof = FRESH if first else AFTER
+        yield Case(where, not flagged, "no flags up", f"up: {', '.join(flagged)}", proof)
         if not flagged and rosters[fact.where.play].again is not None:
             where = replace(fact.where, turn=turns - 1, field="terminations after the next reset")
             yield Case(where, not third, "no flags up", f"up: {', '.join(third)}", AFTER)

@@ -207,7 +207,7 @@ def _stranger_proof(part: str) -> str:
     return f"strangers = set({book}) - set(env.possible_agents)\nassert not strangers, strangers"
 
 
-FILLED = "assert list(env.agents), 'nobody is there after the reset'"
+FILLED = "env.reset(seed=SEED)\nassert list(env.agents), 'nobody is there after the reset'"
 RESTORED = """\
 env.reset(seed=SEED)
 (fresh := make()).reset(seed=SEED)
