@@ -74,6 +74,8 @@ def test_small_files_leave_out_what_the_rest_tells(tmp_path: Path) -> None:
     assert small.episode_table["fingerprint"].null_count == 3
     assert len(set(prints["fingerprint"].to_pylist())) == 3
     assert fingerprints(small.manifest, prints)["fingerprint"] == small.fingerprint
+    gk.report(tmp_path / "run", tmp_path / "page.html")
+    assert "not stored" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("spec", ["two_robot_line", "aec:warehouse"])

@@ -4,6 +4,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Final
 
 from gamekeeper.errors import ContractError
@@ -80,7 +81,7 @@ class Failure:
         """
         self.check(values)
         try:
-            found = _ConditionReader(self.text).read()(values)
+            found = _read(self.text)(values)
         except (TypeError, ZeroDivisionError) as error:
             raise ContractError(
                 f"the failure condition can't be worked out: {error}",
@@ -98,6 +99,12 @@ class Failure:
                 fix="compare it with a bound",
             )
         return bool(found)
+
+
+@lru_cache(maxsize=64)
+def _read(text: str) -> Node:
+    """The condition as a function of the figures; a recorder judges every episode by the same."""
+    return _ConditionReader(text).read()
 
 
 def _measured_names(values: Mapping[str, Value]) -> str:

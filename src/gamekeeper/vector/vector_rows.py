@@ -83,17 +83,28 @@ class RowShelf:
         self._out = out
         self._waiting: list[tuple[int, BufferedTurns]] = []
         self._turns = 0
+        self._rows_of = -1, 0  # number of agents, and of rows that are taken at a time
         self._flushed_s = time.monotonic()
 
     def put(self, buffer: Buffer) -> None:
         """Takes what a copy's buffer holds; it is all of one episode."""
-        rows = most_rows([*self.layout.columns("obs"), *self.layout.columns("action")])
+        rows = self._most_rows()
         with HeldInterrupt():  # rows that left the buffer get to where they are written
-            while (buffered := take(buffer, most=LONG_TURNS, most_rows=rows)) is not None:
+            while buffer.turns or buffer.ends or buffer.starts:
+                buffered = take(buffer, most=LONG_TURNS, most_rows=rows)
+                if buffered is None:
+                    break
                 self._waiting.append((_episode_of(buffered), buffered))
                 self._turns += len(buffered.turns) // TURN
             if self._turns >= FLUSH_TURNS or time.monotonic() - self._flushed_s > FLUSH_S:
                 self._flush()
+
+    def _most_rows(self) -> int:
+        agents = len(self.layout.order)
+        if self._rows_of[0] != agents:  # columns only come with agents
+            columns = [*self.layout.columns("obs"), *self.layout.columns("action")]
+            self._rows_of = agents, most_rows(columns)
+        return self._rows_of[1]
 
     def flush(self) -> None:
         """All that waits becomes columns."""

@@ -22,6 +22,7 @@ from gamekeeper.errors import ContractError
 from gamekeeper.runs.ring.keep_rule import KeepRule
 
 KEYS: Final = ("episode", "agent")
+ENDED: Final = ("episode", "turns", "end", "error", "endings")
 MEASURED: Final = ("return", "length", "is_over", "ending")
 """Figures that every run has; others stand in infos, or are reward terms."""
 
@@ -207,7 +208,7 @@ class RingLedger:
         if stream == "agent_steps":
             self._add_rows(batch)
         elif stream == "episodes":
-            for row in batch.filter(pc.is_valid(batch["end"])).to_pylist():
+            for row in batch.select(ENDED).filter(pc.is_valid(batch["end"])).to_pylist():
                 self._end(row)
 
     def add_infos(self, buffered: BufferedTurns, layout: Layout) -> None:
