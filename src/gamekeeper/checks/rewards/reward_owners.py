@@ -1,5 +1,6 @@
 """Check of whose rewards are whose once agents have left."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,10 +13,10 @@ from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
 
-LEAST_WHOLE: Final = 10
-"""Replaced actions, while all are there, that moved a reward."""
+LEAST_OWN: Final = 10
+"""Replaced actions, at other times, that moved their own agent's reward alone."""
 LEAST_SHIFTED: Final = 4
-"""Replaced actions, after some have left, that moved the reward that a shift predicts."""
+"""Replaced actions, as or after some have left, that moved the reward that a shift predicts."""
 
 
 def assert_pays_its_agent(
@@ -47,6 +48,7 @@ class _Paid:
     """A replaced action that moved rewards of its own step.
 
     Attributes:
+        when: `whole` (no agent has left), `leaving` (some leave in the step), `left`.
         moved: agents whose rewards it moved.
         shifted: agent that a shift by those who left predicts; the agent itself where it is none.
     """
@@ -54,6 +56,7 @@ class _Paid:
     trial: ProbeCounterfactual
     agent: str
     turn: int
+    when: str
     moved: frozenset[str]
     shifted: str
 
@@ -74,8 +77,9 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
 
     Measured by intervention: one action is replaced, all others stay. It is broken only where each
     of these is seen: while all are in the game, ten actions or more moved a reward of their step,
-    each its own agent's and nobody else's; and once some have left, each that moved a reward moved
-    just one, that of the agent to which such a shift leads, four of them another agent's.
+    each its own agent's and nobody else's; and once some have left, or in the steps in which they
+    do, each that moved a reward moved just one, that of the agent to which such a shift leads, four
+    of them another agent's.
 
     Bad:
         rewards = {a: self.paid[i] for i, a in enumerate(self.agents)}     # paid: of all agents
@@ -88,14 +92,21 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
     """
     trials = [each for each in evidence.counterfactuals("influence") if each.noise is None]
     found = [paid for each in trials if (paid := _paid(each)) is not None]
-    whole = [each for each in found if not _missing(each)]
+    whole = [each for each in found if each.when == "whole"]
     if not whole or any(each.moved != {each.agent} for each in whole):
         return
-    after = [each for each in found if _missing(each)]
-    wrong = [each for each in after if each.moved != {each.agent}]
-    is_enough = len(whole) >= LEAST_WHOLE and len(wrong) >= LEAST_SHIFTED
-    is_shift = is_enough and all(each.moved == {each.shifted} for each in after)
-    for each in wrong if is_shift else after:
+    for when in ("leaving", "left"):
+        after = [each for each in found if each.when == when]
+        wrong = [each for each in after if each.moved != {each.agent}]
+        own = [each for each in found if each.when != when and each.moved == {each.agent}]
+        is_enough = len(own) >= LEAST_OWN and len(wrong) >= LEAST_SHIFTED
+        is_shift = is_enough and all(each.moved == {each.shifted} for each in after)
+        yield from _shifts(wrong if is_shift else after, is_shift)
+
+
+def _shifts(found: Sequence[_Paid], is_shift: bool) -> Cases:
+    """Cases of replaced actions that moved rewards."""
+    for each in found:
         yield Case(
             each.trial.base.at(each.turn, each.agent, "rewards"),
             not is_shift,
@@ -103,11 +114,6 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
             f"another action of {each.agent!r} moves the reward of {each.shifted!r} alone",
             _proof(each.trial, each.agent, each.shifted) if is_shift else None,
         )
-
-
-def _missing(paid: _Paid) -> bool:
-    """Tells whether an agent of the beginning had left before the step."""
-    return left_at(paid.trial.base, paid.turn) != left_at(paid.trial.base, 0)
 
 
 def _paid(trial: ProbeCounterfactual) -> _Paid | None:
@@ -119,11 +125,15 @@ def _paid(trial: ProbeCounterfactual) -> _Paid | None:
     names = one.rewards.keys() | two.rewards.keys()
     moved = frozenset(n for n in names if one.rewards.get(n, 0.0) != two.rewards.get(n, 0.0))
     roster, left = left_at(trial.base, 0), left_at(trial.base, turn)
-    if not moved or agent not in roster or not set(one.live) <= set(roster):
+    then, other = (left_at(each, turn + 1) for each in (trial.base, trial.episode))
+    if not moved or agent not in left or then != other or not set(one.live) <= set(roster):
         return None
-    place = roster.index(agent)
-    shifted = left[place] if place < len(left) else ""
-    return _Paid(trial, agent, turn, moved, shifted)
+    if left != roster:
+        place = roster.index(agent)
+        return _Paid(trial, agent, turn, "left", moved, left[place] if place < len(left) else "")
+    if then != left and agent in then:
+        return _Paid(trial, agent, turn, "leaving", moved, left[then.index(agent)])
+    return _Paid(trial, agent, turn, "whole", moved, agent) if then == left else None
 
 
 def _proof(trial: ProbeCounterfactual, agent: str, other: str) -> Reproducer:
