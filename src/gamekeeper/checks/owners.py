@@ -10,7 +10,7 @@ from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.layout import agent_name
 
-LEAST: Final = 4
+LEAST: Final = 3
 """Replaced actions of each agent that moved something of its owner."""
 MOST_OTHERS: Final = 0.1
 """Part of these that may have moved it elsewhere, by what agents do to each other."""

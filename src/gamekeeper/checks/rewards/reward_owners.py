@@ -149,7 +149,7 @@ def _proof(trial: ProbeCounterfactual, agent: str, other: str) -> Reproducer:
     HIGH,
     "influence",
     confidence=0.8,
-    looks_at="four replaced actions of each agent that move one and the same agent's reward of "
+    looks_at="three replaced actions of each agent that move one and the same agent's reward of "
     "their step, and as many that move a number of the observation, or an ending, of their own "
     "agent alone",
     doubt="the environment may pay agents for what another one does",

@@ -296,8 +296,8 @@ def assert_shows_its_own(
     HIGH,
     "influence",
     confidence=0.8,
-    looks_at="four replaced actions of each agent that move one and the same agent's number of the "
-    "observation, and as many that move the reward, or an ending, of their own agent alone",
+    looks_at="three replaced actions of each agent that move one and the same agent's number of "
+    "the observation, and as many that move the reward, or an ending, of their own agent alone",
     doubt="the environment may show agents only what another one does",
 )
 def observations_show_their_own_agent(contract: Contract, evidence: ProbeEvidence) -> Cases:
