@@ -16,6 +16,7 @@ from tests.auditing.small_games import Grab
 from tests.auditing.sound_games import Table
 from tests.faults.payers import Pursuit
 from tests.faults.ticks import HANDS_CONTRACT, Hands
+from tests.faults.walkers import Walkers
 
 
 def verdict(spec: Any, id: str, **options: Any) -> Any:
@@ -291,3 +292,21 @@ def test_late_payments_are_judged_by_what_observations_tell(
     evidence = ProbeEvidence("parallel", looks={"payment_times": (ProbeRun(facts=facts),)})
     found = rewards_come_with_the_tick_that_earns_them.run(Contract(), evidence)
     assert [case.ok for case in found] == cases
+
+
+class ShiftedAsTheyFall(Walkers):
+    """Rewards of those that are left come first, in the steps in which some fall."""
+
+    def paid(self, acting: list[str]) -> dict[str, float]:
+        """In the order of those that are left, then of those that fall."""
+        own = super().paid(acting)
+        order = [a for a in acting if a in self.agents] + [
+            a for a in acting if a not in self.agents
+        ]
+        return dict(zip(acting, [own[a] for a in order], strict=True))
+
+
+@pytest.mark.parametrize(("spec", "outcome"), [(ShiftedAsTheyFall, "failed"), (Walkers, "passed")])
+def test_rewards_that_are_shifted_as_agents_leave_are_found(spec: Any, outcome: str) -> None:
+    """A shift in the very step of a removal is a shift too."""
+    assert verdict(spec, "GK415", budget=6_000).outcome == outcome

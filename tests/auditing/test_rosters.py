@@ -149,13 +149,18 @@ def test_a_last_step_that_is_left_out_is_found(part: int, id: str) -> None:
     assert broken(lambda: Counting(bend=bend)) == {id}
 
 
-def test_an_end_without_any_flag_is_told_once() -> None:
-    """Neither flag has an entry for an agent that leaves: it is gone without having ended."""
+@pytest.mark.parametrize("lost", [(2, 3), (0, 2, 3)])
+def test_an_end_without_any_flag_is_told_once(lost: tuple[int, ...]) -> None:
+    """Neither flag has an entry for an agent that leaves: it is gone without having ended.
+
+    Nor has it an observation, where dictionaries are made for those that are left.
+    """
 
     def bend(env: Any, out: Any) -> Any:
         gone = [a for a in out[2] if a not in env.agents] if env.agents else []
         for agent in gone:
-            del out[2][agent], out[3][agent]
+            for part in lost:
+                del out[part][agent]
         return out
 
     assert broken(lambda: Counting(bend=bend)) == {"GK501"}

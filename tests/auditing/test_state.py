@@ -68,6 +68,29 @@ class SilentAtTheEnd(Traders):
         return super().state()
 
 
+class MadeOfObservations(Rovers):
+    """float64 observations, and a state() that puts them together."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        size = self.count * self._seen[self.possible_agents[0]].shape[0]
+        self.state_space = spaces.Box(0.0, 1.0, (size,), np.float32)
+
+    def observation(self, agent: str) -> Any:
+        """Of another dtype than its space."""
+        return super().observation(agent).astype(np.float64)
+
+    def state(self) -> Any:
+        """What all observe."""
+        return np.concatenate([self.observation(agent) for agent in self.possible_agents])
+
+
+def test_dtype_that_observations_hand_on_to_the_state_is_told_once() -> None:
+    """A state() that is made of observations has their dtype, of which GK212 tells."""
+    found = audit_here(MadeOfObservations, select=("GK212", "GK812"), budget=400)
+    assert {each.id for each in found.failed} == {"GK212"}
+
+
 def test_state_is_optional() -> None:
     """No state() is legal."""
     assert {"not_applicable"} == {verdict.outcome for verdict in audited(Tokens).verdicts}

@@ -90,6 +90,28 @@ class RoversAreObjects(Rovers):
         renamed(self, [Rover(), Rover()])
 
 
+class NamedRover(Rover):
+    """A rover that equals itself alone, and says its name."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __repr__(self) -> str:
+        return self.name
+
+
+@faulty("GK902")
+class RoversWithNames(Rovers):
+    """Agents of two instances have one text, and aren't equal.
+
+    Rovers that are called by themselves, and say their names.
+    """
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        super().__init__(count=2, render_mode=render_mode)
+        renamed(self, [NamedRover("north"), NamedRover("south")])
+
+
 @clean()
 class RoversAreNumbered(Rovers):
     """Agents are values that aren't texts."""

@@ -221,7 +221,7 @@ class ProbeSession:
             joint_policy = joint_policy if steer is None else steer(joint_policy, env)
         with held() if hold else nullcontext():
             played = perform(
-                play,
+                replace(play, by_place=self.by_place),
                 env,
                 joint_policy=joint_policy,
                 policy_seed=self.seed,

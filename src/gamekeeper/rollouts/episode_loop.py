@@ -107,6 +107,8 @@ class EpisodePlan:
             all.
         stand_ins: actions of live agents that a scripted tick leaves out, as in an episode that was
             shortened; those of ended agents are dropped then. None: a tick is played as it is.
+        by_place: actions of a tick are those of the agents in turn by their places, where they name
+            none of these.
     """
 
     seed: int | None = 0
@@ -117,6 +119,7 @@ class EpisodePlan:
     asks_last: bool = True
     opening: str | None = None
     stand_ins: Actions | None = None
+    by_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,6 +354,9 @@ class EpisodeLoop:
             if stand_ins is not None and script.keys() != set(movers):
                 known = {**stand_ins, **script}
                 script = {agent: known[agent] for agent in movers if agent in known}
+            is_foreign = self._play.by_place and script.keys().isdisjoint(movers)
+            if is_foreign and len(script) == len(movers):
+                script = dict(zip(movers, script.values(), strict=True))
             return {agent: own_action(script[agent]) for agent in script}
         return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
 

@@ -155,9 +155,12 @@ MOST_PROCESSES: Final = 12
 """Most processes that are tried; where more would have to agree, they count as not settled."""
 
 
+OBJECTS: Final = "agents are objects that no other process knows"
+
+
 def against(session: ProbeSession) -> str | None:
-    """Only what is named by text can be opened elsewhere."""
-    return reason_against(session)
+    """Only what is named by text can be opened elsewhere, and only agents that are values named."""
+    return reason_against(session) or (OBJECTS if session.by_place else None)
 
 
 def _other_process_plays(session: ProbeSession) -> Iterator[EpisodePlan]:

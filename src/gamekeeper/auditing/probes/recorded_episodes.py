@@ -114,7 +114,11 @@ def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     base = session.play(play, env, watch=watch)
     no_values = [text for agent, (text, _) in names.items() if not is_value(agent)]
     yield session.fact(AgentNames(list(names.values()), no_values), field="agents")
-    if base.failed is not None or len({text for text, _ in names.values()}) < len(names):
+    if (
+        base.failed is not None
+        or no_values
+        or len({text for text, _ in names.values()}) < len(names)
+    ):
         return
     unchanged_rerun = session.play(base.play)
     again = _replayed(

@@ -4,7 +4,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
 
+import numpy as np
+
 from gamekeeper.checks.check import MEDIUM, Case, Cases, check
+from gamekeeper.checks.effects import numbers_in
 from gamekeeper.checks.facts.episode_facts import StateForms
 from gamekeeper.checks.facts.state_facts import (
     LateState,
@@ -24,8 +27,13 @@ from gamekeeper.checks.reproducers import (
     states_forget,
     states_move,
 )
+from gamekeeper.checks.spaces.observation_values import misfit_cases
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.spaces.misfit import DTYPE
 from gamekeeper.episodes.where import Where
+
+LEAST_PARTS: Final = 10
+"""Observations that are found in state()."""
 
 
 def stateless(contract: Contract, evidence: ProbeEvidence) -> str | None:
@@ -62,6 +70,23 @@ def forms(evidence: ProbeEvidence) -> Iterator[tuple[Fact[Any], StateAnswer]]:
 def answer_at(fact: Fact[Any], answer: StateAnswer, field: str = "state") -> Where:
     """The place of an answer."""
     return replace(fact.where, turn=answer.turn, field=field)
+
+
+def is_of_observations(evidence: ProbeEvidence, kind: str) -> bool:
+    """Tells whether state() is made of observations that miss their space in the same way.
+
+    Then one fault is in both, of which the check of observations tells.
+    """
+    looks = [
+        any(np.array_equal(part, row) for row in state.reshape(-1, len(part)))
+        for episode in evidence["rollout"][:1]
+        for turn in episode.turns
+        for state in (numbers_in(turn.state),)
+        for part in map(numbers_in, turn.observations.values())
+        if len(state) and len(part) and len(state) % len(part) == 0
+    ]
+    is_made = len(looks) >= LEAST_PARTS and all(looks)
+    return is_made and not all(each.ok for each in misfit_cases(evidence, kind))
 
 
 @check("GK811", MEDIUM, "state", "rollout", applies=stateless)
@@ -108,6 +133,8 @@ def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Case
 
     Fix: state().astype(self.state_space.dtype)
     """
+    if is_of_observations(evidence, DTYPE):
+        return
     firsts: dict[tuple[str, int], object] = {}
     for fact, answer in forms(evidence):
         play = fact.where.probe, fact.where.play

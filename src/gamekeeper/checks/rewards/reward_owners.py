@@ -4,17 +4,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.effects import by_turn
+from gamekeeper.checks.owners import doings, is_crossed, is_own, left_at
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
 
-LEAST_WHOLE: Final = 10
-"""Replaced actions, while all are there, that moved a reward."""
+LEAST_OWN: Final = 10
+"""Replaced actions, at other times, that moved their own agent's reward alone."""
 LEAST_SHIFTED: Final = 4
-"""Replaced actions, after some have left, that moved the reward that a shift predicts."""
+"""Replaced actions, as or after some have left, that moved the reward that a shift predicts."""
 
 
 def assert_pays_its_agent(
@@ -46,6 +48,7 @@ class _Paid:
     """A replaced action that moved rewards of its own step.
 
     Attributes:
+        when: `whole` (no agent has left), `leaving` (some leave in the step), `left`.
         moved: agents whose rewards it moved.
         shifted: agent that a shift by those who left predicts; the agent itself where it is none.
     """
@@ -53,6 +56,7 @@ class _Paid:
     trial: ProbeCounterfactual
     agent: str
     turn: int
+    when: str
     moved: frozenset[str]
     shifted: str
 
@@ -73,8 +77,9 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
 
     Measured by intervention: one action is replaced, all others stay. It is broken only where each
     of these is seen: while all are in the game, ten actions or more moved a reward of their step,
-    each its own agent's and nobody else's; and once some have left, each that moved a reward moved
-    just one, that of the agent to which such a shift leads, four of them another agent's.
+    each its own agent's and nobody else's; and once some have left, or in the steps in which they
+    do, each that moved a reward moved just one, that of the agent to which such a shift leads, four
+    of them another agent's.
 
     Bad:
         rewards = {a: self.paid[i] for i, a in enumerate(self.agents)}     # paid: of all agents
@@ -87,33 +92,28 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
     """
     trials = [each for each in evidence.counterfactuals("influence") if each.noise is None]
     found = [paid for each in trials if (paid := _paid(each)) is not None]
-    whole = [each for each in found if not _missing(each)]
+    whole = [each for each in found if each.when == "whole"]
     if not whole or any(each.moved != {each.agent} for each in whole):
         return
-    after = [each for each in found if _missing(each)]
-    wrong = [each for each in after if each.moved != {each.agent}]
-    is_enough = len(whole) >= LEAST_WHOLE and len(wrong) >= LEAST_SHIFTED
-    is_shift = is_enough and all(each.moved == {each.shifted} for each in after)
-    for each in wrong if is_shift else after:
+    for when in ("leaving", "left"):
+        after = [each for each in found if each.when == when]
+        wrong = [each for each in after if each.moved != {each.agent}]
+        own = [each for each in found if each.when != when and each.moved == {each.agent}]
+        is_enough = len(own) >= LEAST_OWN and len(wrong) >= LEAST_SHIFTED
+        is_shift = is_enough and all(each.moved == {each.shifted} for each in after)
+        yield from _shifts(wrong if is_shift else after, is_shift)
+
+
+def _shifts(found: Sequence[_Paid], is_shift: bool) -> Cases:
+    """Cases of replaced actions that moved rewards."""
+    for each in found:
         yield Case(
             each.trial.base.at(each.turn, each.agent, "rewards"),
             not is_shift,
             "its own reward, as while all were in the game",
             f"another action of {each.agent!r} moves the reward of {each.shifted!r} alone",
-            _proof(each) if is_shift else None,
+            _proof(each.trial, each.agent, each.shifted) if is_shift else None,
         )
-
-
-def _roster(trial: ProbeCounterfactual) -> Sequence[str]:
-    """Agents at the reset, in their order."""
-    first = trial.base.turns[0]
-    return [name for name in first.agents if name in first.live]
-
-
-def _missing(paid: _Paid) -> bool:
-    """Tells whether an agent of the beginning had left before the step."""
-    live = by_turn(paid.trial.base, paid.turn)[paid.turn].live
-    return not set(_roster(paid.trial)) <= live
 
 
 def _paid(trial: ProbeCounterfactual) -> _Paid | None:
@@ -124,25 +124,70 @@ def _paid(trial: ProbeCounterfactual) -> _Paid | None:
         return None
     names = one.rewards.keys() | two.rewards.keys()
     moved = frozenset(n for n in names if one.rewards.get(n, 0.0) != two.rewards.get(n, 0.0))
-    roster = _roster(trial)
-    if not moved or agent not in roster or not set(one.live) <= set(roster):
+    roster, left = left_at(trial.base, 0), left_at(trial.base, turn)
+    then, other = (left_at(each, turn + 1) for each in (trial.base, trial.episode))
+    if not moved or agent not in left or then != other or not set(one.live) <= set(roster):
         return None
-    left = [name for name in roster if name in one.live]
-    place = roster.index(agent)
-    shifted = left[place] if place < len(left) else ""
-    return _Paid(trial, agent, turn, moved, shifted)
+    if left != roster:
+        place = roster.index(agent)
+        return _Paid(trial, agent, turn, "left", moved, left[place] if place < len(left) else "")
+    if then != left and agent in then:
+        return _Paid(trial, agent, turn, "leaving", moved, left[then.index(agent)])
+    return _Paid(trial, agent, turn, "whole", moved, agent) if then == left else None
 
 
-def _proof(paid: _Paid) -> Any:
-    change = paid.trial.change
-    choice = by_turn(paid.trial.episode, paid.turn)[paid.turn].actions.get(
-        paid.agent, change["action"]
-    )
+def _proof(trial: ProbeCounterfactual, agent: str, other: str) -> Reproducer:
+    turn = int(trial.change["turn"])
+    choice = by_turn(trial.episode, turn)[turn].actions.get(agent, trial.change["action"])
     return reproducer_of(
-        assert_pays_its_agent,
-        compares=True,
-        turn=paid.turn,
-        agent=paid.agent,
-        other=paid.shifted,
-        choice=choice,
+        assert_pays_its_agent, compares=True, turn=turn, agent=agent, other=other, choice=choice
     )
+
+
+@check(
+    "GK416",
+    HIGH,
+    "influence",
+    confidence=0.8,
+    looks_at="three replaced actions of each agent that move one and the same agent's reward of "
+    "their step, and as many that move a number of the observation, or an ending, of their own "
+    "agent alone",
+    doubt="the environment may pay agents for what another one does",
+)
+def rewards_are_of_their_own_agent(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """An agent is paid for what it does itself, not for what another agent does.
+
+    A learner that is paid for another one's actions learns nothing of its own.
+
+    Measured by intervention: one action is replaced, all others stay. It is broken only where each
+    of these is seen, while all agents are in the game: the actions of every agent move the reward
+    of one agent, another one for each, and hardly ever its own; and a number of the observations,
+    or the ending, moves by the actions of its own agent alone, so that these tell whose doing it
+    was.
+
+    It is only suspected, as an environment may mean to pay agents for what another one does.
+
+    Bad:
+        self.agent_selection = self._selector.next()
+        self.rewards[self.agent_selection] += 1.0          # for what the last agent did
+
+    Good:
+        self.rewards[agent] += 1.0
+        self.agent_selection = self._selector.next()
+
+    Fix: look the agent that acts up once, at the beginning of the step, and pay that one
+    """
+    done = doings(evidence)
+    paid = done.rewards.by_agent()
+    told = [*done.shown().values(), done.endings.by_agent()]
+    if not paid or not any(map(is_own, told)):
+        return
+    for agent, other in paid.items():
+        trial = done.rewards.trials[agent, other]
+        yield Case(
+            trial.base.at(int(trial.change["turn"]), agent, "rewards"),
+            not is_crossed(paid),
+            "its own reward moves, as its observation or its ending does",
+            f"another action of {agent!r} moves the reward of {other!r} alone",
+            _proof(trial, agent, other) if is_crossed(paid) else None,
+        )

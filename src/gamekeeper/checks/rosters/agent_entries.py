@@ -256,8 +256,8 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
                 if not each.has(agent) or agent not in each.turn.agents:
                     continue  # nothing is told of it at all: it left without ending
                 lost = sorted(each.missing.get(agent, frozenset()) - {"info"})
-                if set(lost) >= FLAGS:  # nothing says that it has ended: GK501 or GK502
-                    lost = [part for part in lost if part not in FLAGS]
+                if set(lost) >= FLAGS:
+                    continue  # nothing says that it has ended: GK501 or GK502
                 for part in lost:
                     yield Case(
                         entry_place(episode, each.turn, agent, part),

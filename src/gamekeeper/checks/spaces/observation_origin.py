@@ -7,6 +7,7 @@ import numpy as np
 
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import MOST_PLACES, by_turn, numbers_in
+from gamekeeper.checks.owners import doings, is_crossed, is_own
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.contract import Contract
@@ -266,3 +267,80 @@ def _begins_twice(episodes: Sequence[Episode]) -> bool:
         if not is_same or not any(map(len, one.values())):
             return False
     return len(seeds) >= LEAST_EPISODES
+
+
+def assert_shows_its_own(
+    make: Any, seed: Any, actions: Any, turn: int, agents: Any, choice: Any, place: int
+) -> None:
+    """Raises where another action moves a number that another agent observes, not the own one."""
+
+    def shown(replaced: bool) -> Any:
+        env = make()
+        env.reset(seed=seed)
+        for each in actions[:turn]:
+            env.step(each)
+        action = actions[turn]
+        if replaced:
+            action = {**action, agents[0]: choice} if isinstance(action, dict) else choice
+        out = env.step(action)
+        seen = out[0] if out else {each: env.observe(each) for each in env.agents}
+        return [numbers(seen[each])[place] for each in agents]
+
+    (own, others), (own_now, others_now) = shown(False), shown(True)
+    is_own = own != own_now or others == others_now
+    assert is_own, f"what {agents[0]} does is shown to {agents[1]} in its place"
+
+
+@check(
+    "GK220",
+    HIGH,
+    "influence",
+    confidence=0.8,
+    looks_at="three replaced actions of each agent that move one and the same agent's number of "
+    "the observation, and as many that move the reward, or an ending, of their own agent alone",
+    doubt="the environment may show agents only what another one does",
+)
+def observations_show_their_own_agent(contract: Contract, evidence: ProbeEvidence) -> Cases:
+    """An agent observes what it does itself, where it is paid for that or ended by it.
+
+    A policy that is given another one's observation plays for that one.
+
+    Measured by intervention: one action is replaced, all others stay. It is broken only where each
+    of these is seen, while all agents are in the game: the reward, or the ending, moves by
+    the actions of its own agent alone; and of the numbers that one agent's actions move in one
+    observation alone, each is in another agent's, always the same one, and none in its own.
+
+    It is only suspected, as an environment may mean to show agents only what another one does.
+
+    Bad: `return self._view_of(self.agents[self.agents.index(agent) - 1])`.
+
+    Good: `return self._view_of(agent)`.
+
+    Fix: make each agent's observation for that agent alone
+    """
+    done = doings(evidence)
+    shown = done.shown()
+    if not shown or not any(map(is_own, (done.rewards.by_agent(), done.endings.by_agent()))):
+        return
+    pairs = {pair for owners in shown.values() for pair in owners.items()}
+    is_swapped = all(map(is_crossed, shown.values())) and len(dict(pairs)) == len(pairs)
+    place, owners = next(iter(shown.items()))
+    for agent, other in owners.items():
+        trial = done.places[place].trials[agent, other]
+        turn = int(trial.change["turn"])
+        choice = by_turn(trial.episode, turn)[turn].actions.get(agent, trial.change["action"])
+        proof = reproducer_of(
+            assert_shows_its_own,
+            compares=True,
+            turn=turn,
+            agents=[agent, other],
+            choice=choice,
+            place=place,
+        )
+        yield Case(
+            trial.base.at(turn, agent, "observations"),
+            not is_swapped,
+            "a number of its own observation moves, as its reward or its ending does",
+            f"another action of {agent!r} moves number {place} of what {other!r} observes alone",
+            proof if is_swapped else None,
+        )

@@ -1,4 +1,4 @@
-"""Observations of another agent than the one that was asked for, and rewards of another one."""
+"""Observations and rewards of another agent."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import spaces
 
 from tests.faults import clean, faulty
+from tests.faults.tolls import Tolls
 from tests.faults.traders import Traders
 
 
@@ -60,3 +61,42 @@ class SeatsAreDrawn(Traders):
         return np.append(super().observe(agent), self.seats[self.agent_selection]).astype(
             np.float32
         )
+
+
+@clean()
+class Loners(Tolls):
+    """Rovers that know where they are, and no other one's place."""
+
+    def observation(self, agent: str) -> Any:
+        """The own cell stands first, the others are hidden."""
+        hidden = super().observation(agent)
+        own = hidden[2 * self.possible_agents.index(agent) :][:2].copy()
+        hidden[: 2 * self.count] = 0.0
+        hidden[:2] = own
+        return hidden
+
+
+@faulty("GK220", budget=1_500)
+class SeenByTheNext(Loners):
+    """Each rover is shown what the one before it observes, also at the reset.
+
+    Rovers that know where they are, and no other one's place.
+    """
+
+    def observation(self, agent: str) -> Any:
+        """A place in possible_agents that is off by one."""
+        place = self.possible_agents.index(agent)
+        return super().observation(self.possible_agents[place - 1])
+
+
+@faulty("GK416", budget=1_500)
+class PaidToTheNext(Loners):
+    """Each rover is paid for where the one before it drove.
+
+    Rovers that know where they are, and no other one's place.
+    """
+
+    def reward(self, agent: str) -> float:
+        """A place in possible_agents that is off by one."""
+        place = self.possible_agents.index(agent)
+        return super().reward(self.possible_agents[place - 1])
