@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
+from pettingzoo.utils.wrappers.base_parallel import BaseParallelWrapper
 
 
 class Sound(ParallelEnv[str, Any, Any]):
@@ -193,3 +194,30 @@ class PaidWhenGone(Lingers):
         out = super().step(actions)
         out[1].update(dict.fromkeys(self.possible_agents, 0.5))
         return out
+
+
+class Dims(BaseParallelWrapper[str, Any, Any]):
+    """A wrapper that shows half of everything once it was played, in later episodes too."""
+
+    factor = 1.0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Shows what the episode before has left."""
+        seen, infos = super().reset(seed, options)
+        return {agent: self.factor * each for agent, each in seen.items()}, infos
+
+    def step(self, actions: Any) -> Any:
+        """Is played from now on."""
+        self.factor = 0.5
+        seen, *others = super().step(actions)
+        return {agent: self.factor * each for agent, each in seen.items()}, *others
+
+
+def dimmed() -> BaseParallelWrapper[str, Any, Any]:
+    """Sound rules in three wrappers, of which the middle one isn't."""
+    return BaseParallelWrapper(Dims(BaseParallelWrapper(Sound())))
+
+
+def wrapped_tires() -> BaseParallelWrapper[str, Any, Any]:
+    """Faulty rules in a sound wrapper."""
+    return BaseParallelWrapper(Tires())

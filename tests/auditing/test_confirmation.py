@@ -29,6 +29,7 @@ from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.reproduce import longer_episodes
 from gamekeeper.auditing.reproducer_process import FILE, raised_at
 from gamekeeper.auditing.result import AuditResult
+from gamekeeper.auditing.wrapper_faults import faulty_wrapper, within
 from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -80,6 +81,29 @@ def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
     found = audited("Tires", "GK60")
     assert [each.id for each in found.failed] == ["GK604"]  # no seed is ignored: nothing is drawn
     assert found.of("GK604").reproduced == Reproduced(TRIES, TRIES, True)
+
+
+def test_fault_of_a_wrapper_is_placed_in_it() -> None:
+    """The one wrapper of three without which a used instance plays like a fresh one is named."""
+    (finding,) = audited("dimmed", "GK604").of("GK604").findings
+    assert finding.fix.startswith("in the wrapper Dims (tests.auditing.lucky_games), without which")
+
+
+def test_fault_of_wrapped_rules_is_placed_in_no_wrapper() -> None:
+    """The rules alone show it."""
+    verdict = audited("wrapped_tires", "GK604").of("GK604")
+    assert (verdict.outcome, verdict.reproduced) == ("failed", Reproduced(TRIES, TRIES, True))
+    assert "wrapper" not in verdict.findings[0].fix
+
+
+def test_wrapper_is_told_by_the_episode_as_played_where_rules_refuse_the_shortest() -> None:
+    """A program that raises within the wrapper, as its actions were made up, tells nothing."""
+    wrappers = ("Outer (a)", "Inner (b)")
+    short, whole = "short\nSEED = 1\n", "whole\nSEED = 1\n"
+    passing = {within(whole, 2), within(whole, 1)}
+    assert faulty_wrapper((short, whole), wrappers, passing.__contains__) == "Outer (a)"
+    assert faulty_wrapper((short,), wrappers, passing.__contains__) is None
+    assert faulty_wrapper((whole,), (), passing.__contains__) is None
 
 
 def test_state_that_adds_up_over_episodes_is_found() -> None:

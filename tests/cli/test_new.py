@@ -255,6 +255,7 @@ def test_new_follows_a_person_against_its_advice(
         (["my task"], "can't have this name"),
         (["json"], "can't have this name"),
         (["class"], "can't have this name"),
+        (["numpy"], "can't have this name"),
         (["x", "--agents", "Picker=2"], "small letters"),
         (["x", "--agents", "a=0"], "from 1"),
         (["x", "--agents", "a", "--agents", "a=2"], "its own name"),

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import pettingzoo
 import pytest
 
 from gamekeeper.errors import PolicyError, SpecError
@@ -230,6 +231,14 @@ def test_open_env_asks_third_parties_openers(install: Install) -> None:
         open_env("barn:empty")
     with pytest.raises(SpecError, match="barn:NAME"):
         open_env("a b")
+
+
+def test_task_of_an_installed_package_opens_by_its_name(install: Install) -> None:
+    """Its entry point is what registers it; `gamekeeper new` writes one."""
+    register = "import pettingzoo\npettingzoo.register('parallel', 'grazing-v0', Pair)\n"
+    install(PARALLEL_TEXT + register, entry="[gamekeeper.tasks]\ngrazing = {module}\n")
+    assert open_env("grazing").spec == "grazing-v0"
+    del pettingzoo.parallel_registry["grazing-v0"]
 
 
 def test_open_env_isnt_stopped_by_an_opener_that_fails(install: Install) -> None:

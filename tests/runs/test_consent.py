@@ -106,6 +106,10 @@ def test_own_run_replays_without_a_flag_until_its_files_change(tmp_path: Path) -
     with pytest.raises(TrustError, match=r"walks.py has changed since you recorded this run"):
         replay(tmp_path / "run")
 
+    (tmp_path / "walks.py").unlink()
+    with pytest.raises(TrustError, match=r"walks.py is gone since (?s:.*) now with --env"):
+        replay(tmp_path / "run")
+
 
 def test_own_policies_need_no_flag_beside_an_environment_that_is_named(tmp_path: Path) -> None:
     """Naming the environment takes nothing back of what an own run may do."""

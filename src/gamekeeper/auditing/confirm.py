@@ -11,6 +11,7 @@ from typing import Final, Literal, TypeAlias
 
 from gamekeeper.auditing.holds import AS_DRAWN, HOLDS, OF_DRAWS, Hold, held_still
 from gamekeeper.auditing.probe_session import TimeUpError
+from gamekeeper.auditing.wrapper_faults import faulty_wrapper
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.rollouts.warm_worker import WarmWorker
 
@@ -52,12 +53,14 @@ class Programs:
         longer: the reproducer with more and more of the episode that was played, at last all of it.
         compares: two episodes are compared, so that it may be a consequence.
         unchanged: without the fault's trigger; empty where there is none.
+        wrappers: names of the environment's wrappers, the outermost first.
     """
 
     finding: Finding
     longer: tuple[str, ...]
     compares: bool
     unchanged: str
+    wrappers: tuple[str, ...] = ()
 
     @property
     def whole(self) -> str:
@@ -173,6 +176,20 @@ class Confirmation:
         if is_shown and each.unchanged:
             unchanged = is_shown = self.passes(each.unchanged)
         return finding, Reproduced(failed, tried, unchanged), is_shown
+
+    def placed(self, each: Programs, finding: Finding) -> Finding:
+        """The finding with the wrapper that brings the fault in, where it isn't in the rules.
+
+        Only a comparison tells: it passes where two whole episodes were played and are equal.
+        """
+        wrappers = each.wrappers if each.compares else ()
+        with suppress(TimeUpError):
+            programs = dict.fromkeys((finding.reproducer, each.whole))
+            wrapper = faulty_wrapper(tuple(programs), wrappers, self.passes)
+            if wrapper is not None:
+                fix = f"in the wrapper {wrapper}, without which the program passes: {finding.fix}"
+                return replace(finding, fix=fix)
+        return finding
 
     def _as_shown(self, finding: Finding) -> Finding:
         """The finding with the exception that its program shows in place of another one."""
@@ -378,6 +395,7 @@ def _with_held(each: Programs, holds: Iterable[Hold]) -> Programs:
             tuple(held_still(program, hold) for program in each.longer),
             compares=each.compares,
             unchanged=held_still(each.unchanged, hold),
+            wrappers=each.wrappers,
         )
     return each
 
@@ -387,10 +405,11 @@ def _judged(
 ) -> Verdict:
     """The verdict with the findings that are shown; suspected where none is."""
     results = [_finding(each, holds, work) for each in programs]
-    shown = [(finding, how) for finding, how, is_shown in results if is_shown]
+    both = zip(programs, results, strict=True)
+    shown = [(each, finding, how) for each, (finding, how, is_shown) in both if is_shown]
     if shown:
-        findings = tuple(finding for finding, _ in shown)
-        return replace(verdict, findings=findings, reproduced=shown[0][1])
+        findings = tuple(work.placed(each, finding) for each, finding, _ in shown)
+        return replace(verdict, findings=findings, reproduced=shown[0][2])
     how = results[0][1]
     reason = UNSTABLE if how.unchanged_passed is False else FLAKY
     return replace(verdict, outcome="suspected", reason=reason, reproduced=how)

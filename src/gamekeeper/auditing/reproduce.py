@@ -13,6 +13,7 @@ from gamekeeper.auditing.holds import CLASSES, ENTROPY, held_still
 from gamekeeper.auditing.judge import Judged, verdict_of
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.snippet import Home, snippet
+from gamekeeper.auditing.wrapper_faults import wrappers_of
 from gamekeeper.checks.case import Case, Reproducer
 from gamekeeper.checks.check import Check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -89,6 +90,7 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
         tuple(longer),
         compares=proof is not None and proof.compares,
         unchanged=program(begun, unchanged) if unchanged else "",
+        wrappers=wrappers_of(session.opened.env),
     )
 
 

@@ -1,6 +1,7 @@
 """`gamekeeper pack RUN...`: runs, their source and figures in one file that others can check."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Final
 
 from gamekeeper.cli._screen import CommandResult, Screen
@@ -40,5 +41,5 @@ def command(
     )
     if packed.signature is not None:
         screen.show(f"signed: {packed.signature}")
-    screen.note(f"to check it: gamekeeper reproduce {packed.claim}")
+    screen.note(f"to check it: gamekeeper reproduce {quote(str(packed.claim))}")
     return CommandResult(packed.to_json())

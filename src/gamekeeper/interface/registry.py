@@ -22,7 +22,7 @@ OURS: Final = "gamekeeper"
 def with_ours() -> tuple[BrokenPlugin, ...]:
     """Our environments and those of third parties stand in the registries, but for broken ones."""
     importlib.import_module(f"{OURS}.tasks")  # registers them; each is imported when it is made
-    return plugins.load(f"{OURS}.envs").broken
+    return plugins.load(f"{OURS}.tasks").broken
 
 
 def canonical(env_id: str) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 from gamekeeper.episodes.evidence import Evidence
@@ -128,6 +128,9 @@ def _rule(
     if changed:
         reason = f"{changed[0]} has changed since you recorded this run"
         fix = "run the changed file by adding --allow-import"
+        if not Path(changed[0]).exists():
+            reason = f"{changed[0]} is gone since you recorded this run"
+            fix = "put it back, or name the environment where it is now with --env"
     raise TrustError(
         f"{doing} would execute code that its evidence names",
         where=str(path),

@@ -12,6 +12,10 @@ from gamekeeper.contract.sections import ENDING_KINDS, KINDS, RESERVED, Plain
 from gamekeeper.errors import SpecError
 
 WORD: Final = re.compile(r"[a-z][a-z0-9_]*")
+TAKEN: Final = frozenset(
+    {"gamekeeper", "gymnasium", "numpy", "pettingzoo", "pytest", "test", "tests"}
+)
+"""Modules that a written package and its tests import, and their folder."""
 FORMS: Final = {"discrete": 1, "box": None, "multidiscrete": None, "multibinary": 1}
 """Kinds of spaces, and the number of sizes that each takes; None: one or more."""
 CLASSES: Final = {
@@ -188,11 +192,11 @@ def package_name(text: str) -> str:
     """
     name = text.strip().replace("-", "_")
     taken = keyword.iskeyword(name) or name in sys.stdlib_module_names
-    if taken or name in ("gamekeeper", "tests", "test") or not WORD.fullmatch(name):
+    if taken or name in TAKEN or not WORD.fullmatch(name):
         raise SpecError(
             "a package can't have this name",
             where="NAME",
-            expected="small letters, digits and _, as my_task; no keyword or module of Python",
+            expected="small letters, digits and _, as my_task; no keyword or module in use",
             actual=repr(text),
             fix="name another one, such as my_task",
         )

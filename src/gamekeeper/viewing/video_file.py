@@ -9,6 +9,7 @@
 """  # noqa: E501  # a row of a table is one line
 
 import io
+import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -148,7 +149,10 @@ def _lines(
 
 
 def _short(action: Any) -> str:
-    text = one_line(str(action.tolist() if hasattr(action, "tolist") else action))
+    values = json.dumps(
+        action, default=lambda x: getattr(x, "tolist", x.__str__)(), separators=(",", ":")
+    )
+    text = one_line(values)
     return text if len(text) <= 14 else f"{text[:12]}.."
 
 

@@ -17,13 +17,15 @@ import gamekeeper as gk
 from gamekeeper.diagnosis.labels import label
 from gamekeeper.errors import EnvError, EvidenceError, RunError
 from gamekeeper.reporting.page.answers import answers_of, not_asked
+from gamekeeper.reporting.page.audit_sections import form_of_run
 from gamekeeper.reporting.page.composition import Documents, continues, shown
+from gamekeeper.reporting.page.episode_figures import figures_of
 from gamekeeper.reporting.page.page_data import Page
 from gamekeeper.reporting.page.page_html import render
 from gamekeeper.runs.files.notes import annotate
 from gamekeeper.viewing.report_file import opened, report
 from tests.reporting.page import documents
-from tests.reporting.page.games import PLAIN, recorded
+from tests.reporting.page.games import PLAIN, Told, recorded
 from tests.reporting.page.pages import Read, data_of
 
 WORD = "word"
@@ -206,6 +208,21 @@ def test_page_of_a_bare_run_says_what_is_missing(tmp_path: Path) -> None:
     assert ids == ["player", "agents", "form", "provenance"]
     assert "Lazy agents are found by replacing them" in text
     assert "not tested" not in text
+
+
+def test_page_of_one_agent_and_an_object_in_memory(tmp_path: Path) -> None:
+    """One agent's returns are compared with none, and a replay is asked to name an environment."""
+
+    class Here(Told):
+        """No module has it under its name."""
+
+    evidence = gk.rollout(Here(("alone",)), episodes=1, out=tmp_path / "run")
+    text = " ".join(Read(report(tmp_path / "run", tmp_path / "p.html").read_text()).text.split())
+    assert "(parallel), 1 agent," in text
+    assert "1 agent in an episode" in text
+    assert "differ by agent" not in text
+    assert f"gamekeeper replay {tmp_path / 'run'} --env module:factory plays" in text
+    assert form_of_run(evidence, figures_of(evidence))["reward"] is None
 
 
 def test_documents_are_found_in_the_run(tmp_path: Path) -> None:

@@ -12,7 +12,14 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.errors import DependencyError, EvidenceError, GamekeeperError, RunError, TrustError
-from gamekeeper.viewing.video_file import VideoRendering, captions_of, film, picture_of, size_for
+from gamekeeper.viewing.video_file import (
+    VideoRendering,
+    _short,
+    captions_of,
+    film,
+    picture_of,
+    size_for,
+)
 from gamekeeper.viewing.video_frames import recorded
 from tests.cli.lines import LINE, document, said
 from tests.surface.sources import ROOT
@@ -198,6 +205,12 @@ def test_strips_tell_who_did_what_and_was_paid(run: Path) -> None:
     for line, (name, total) in zip(last[1:], [("picker", 1.0), ("carrier", 1.0)], strict=True):
         assert line.startswith(name)
         assert line.endswith(f"sum {total:g}")
+
+
+def test_actions_of_a_dict_space_stand_in_strips_as_numbers() -> None:
+    """An array in a dictionary is its values, not the word `array`."""
+    assert _short({"x": np.float32(0.5), "y": np.array([1, 2])}) == '{"x":0.5,"y"..'
+    assert _short(np.array([1, 2])) == "[1,2]"
 
 
 def test_sizes_are_even_and_large_enough() -> None:

@@ -425,7 +425,8 @@ def _again(run: ShownRun) -> Answer | None:
     """The command that plays the run again; None of a run that has no end yet."""
     if run.evidence.root is None:
         return None
-    text = f"`gamekeeper replay {quoted(run.path)}` plays every episode again and compares it."
+    env = "" if env_words(run.evidence) else " --env module:factory"
+    text = f"`gamekeeper replay {quoted(run.path)}{env}` plays every episode again and compares it."
     return Answer("Run again", text, link="#provenance", link_text="all commands")
 
 

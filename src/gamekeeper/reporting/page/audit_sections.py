@@ -363,11 +363,16 @@ def form_of_run(evidence: Evidence, figures: Figures) -> dict[str, Any]:
     return {
         "order": "none" if api == "parallel" else _order(evidence, figures),
         "horizon": _horizon(figures),
-        "roster": f"{_span(counts)} agents in an episode",
+        "roster": f"{agents_text(_span(counts))} in an episode",
         "steps": _span(turns) if turns else None,
         "reward": _rewards(figures),
         "endings": _endings(figures),
     }
+
+
+def agents_text(count: object) -> str:
+    """`1 agent`, `3 agents`, `2 to 5 agents`."""
+    return f"{count} agent{'' if str(count) == '1' else 's'}"
 
 
 def _span(values: Any) -> str:
@@ -416,12 +421,12 @@ def _horizon(figures: Figures) -> int | None:
 
 
 def _rewards(figures: Figures) -> dict[str, Any] | None:
-    if not figures.agents:
-        return None
-    totals = np.where(figures.present, figures.returns, 0.0)
-    alike = bool(len(figures.agents) > 1 and np.allclose(totals, totals[:, :1]))
-    found: dict[str, Any] = {"returns": "alike for all agents" if alike else "differ by agent"}
-    return found | ({"terms": list(figures.terms)} if figures.terms else {})
+    found: dict[str, Any] = {"terms": list(figures.terms)} if figures.terms else {}
+    if len(figures.agents) > 1:
+        totals = np.where(figures.present, figures.returns, 0.0)
+        alike = np.allclose(totals, totals[:, :1])
+        found = {"returns": "alike for all agents" if alike else "differ by agent"} | found
+    return found or None
 
 
 def _endings(figures: Figures) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.reporting.page.agent_section import agents_blocks
 from gamekeeper.reporting.page.answers import state_texts
-from gamekeeper.reporting.page.audit_sections import form_section, verdicts_section
+from gamekeeper.reporting.page.audit_sections import agents_text, form_section, verdicts_section
 from gamekeeper.reporting.page.diagnosis_sections import causes_section
 from gamekeeper.reporting.page.episode_figures import Figures, compared_block, failing, figures_of
 from gamekeeper.reporting.page.evaluation_section import evaluation_section
@@ -211,7 +211,7 @@ def lead_of(runs: Sequence[ShownRun]) -> str:
     card = main.card
     text = (
         f"{card.episodes} episode{'' if card.episodes == 1 else 's'} of {card.environment} "
-        f"({card.api}), {len(main.figures.agents)} agents{_played_by(main)}."
+        f"({card.api}), {agents_text(len(main.figures.agents))}{_played_by(main)}."
     )
     if len(runs) > 1:
         text += f" Compared with {', '.join(run.name for run in runs[1:])}."

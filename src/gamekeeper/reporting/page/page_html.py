@@ -209,9 +209,10 @@ def commands(evidence: Evidence, path: str, audit: Mapping[str, Any] | None) -> 
     Names from evidence are quoted, so that a line does only what it shows.
     """
     run, env = quoted(path), env_words(evidence)
-    lines = [f"gamekeeper verify {run}", f"gamekeeper replay {run}"]
+    named = "" if env else " --env module:factory   # it was an object in memory"
+    lines = [f"gamekeeper verify {run}", f"gamekeeper replay {run}{named}"]
     if env is None:
-        return [*lines, "# the environment was an object in memory: it can't be opened by name"]
+        return lines
     record = (
         f"gamekeeper rollout {env}"
         f"{''.join(f' {quoted(word)}' for word in policy_words(evidence))}"

@@ -33,7 +33,7 @@ MOST_SIDE: Final = 64
 """
 MOST_PARTS: Final = 16
 """Most agents whose observations are drawn; with more only the state, or the first ones."""
-DIGEST: Final = "the run has only digests of observations"
+DIGEST: Final = "the run holds no observations"
 NOTHING: Final = "the run has no data that can be drawn"
 
 Numbers = NDArray[Any]

@@ -1,0 +1,49 @@
+"""Wrappers of an environment, and the one of them that brings a fault in."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from pettingzoo.utils.wrappers.base import BaseWrapper
+from pettingzoo.utils.wrappers.base_parallel import BaseParallelWrapper
+
+from gamekeeper.auditing.holds import SEED
+from gamekeeper.interface.packing import type_name_of
+
+
+def wrappers_of(env: Any) -> tuple[str, ...]:
+    """Names of the classes of PettingZoo's wrappers around an environment, the outermost first."""
+    found = []
+    while isinstance(env, BaseWrapper | BaseParallelWrapper):
+        module, _, name = type_name_of(type(env)).rpartition(".")
+        found.append(f"{name} ({module})")
+        env = env.env
+    return tuple(found)
+
+
+def within(program: str, depth: int) -> str:
+    """The program with so many of the outermost wrappers left out."""
+    head, seed, tail = program.partition(SEED)
+    inner = f"\ndef within():\n    return whole(){'.env' * depth}\n\nwhole, make = make, within\n"
+    return f"{head}{inner}{seed}{tail}"
+
+
+def faulty_wrapper(
+    programs: Sequence[str], wrappers: Sequence[str], passes: Callable[[str], bool]
+) -> str | None:
+    """The wrapper with which a program fails, and without which it passes.
+
+    Args:
+        programs: of one finding; where the rules raise in the first, as its actions were made up,
+            the next is asked.
+        wrappers: names, the outermost first.
+        passes: tells whether a program passes.
+    Returns:
+        Its name; None where no program passes with the rules alone, or there is no wrapper.
+    """
+    for program in programs if wrappers else ():
+        if not passes(within(program, len(wrappers))):
+            continue
+        for depth in reversed(range(len(wrappers))):
+            if not passes(within(program, depth)):
+                return wrappers[depth]
+    return None
