@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zipfile
+from copy import deepcopy
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -233,6 +234,28 @@ def test_buffer_leaves_no_batch_of_one() -> None:
     venv.close()
 
 
+def test_one_empty_info_is_never_written_into() -> None:
+    """Slots that haven't ended share it; another info in its place stays in its step and slot."""
+    venv = made("warehouse", 2)
+    venv.reset()
+    *_, infos = venv.step(venv.action_masks().argmax(1))
+    writes: list[Any] = [
+        lambda info: info.__setitem__("note", 1),
+        lambda info: info.update(note=1),
+        lambda info: info.setdefault("note", 1),
+        lambda info: info.__ior__({"note": 1}),
+    ]
+    for write in writes:
+        with pytest.raises(SpecError, match="share one info"):
+            write(infos[0])
+    infos[0] = {"note": 1}
+    own = deepcopy(infos)
+    *_, later = venv.step(venv.action_masks().argmax(1))
+    assert own == infos == [{"note": 1}, *[{}] * (venv.num_envs - 1)]
+    assert later == [{}] * venv.num_envs
+    venv.close()
+
+
 def test_decisions_are_shared_out_evenly() -> None:
     """A few that are left over would move the network as far as a whole batch does."""
     from sb3_contrib import MaskablePPO
@@ -251,8 +274,6 @@ def test_decisions_are_shared_out_evenly() -> None:
 
 def test_drawn_actions_leave_torchs_generator_alone() -> None:
     """Whoever learns meanwhile draws the same; a stream gives its actions, to a copy too."""
-    import copy
-
     import torch
     from stable_baselines3 import PPO
 
@@ -264,7 +285,7 @@ def test_drawn_actions_leave_torchs_generator_alone() -> None:
     torch.manual_seed(3)
     before = torch.get_rng_state()
     seen = venv.reset()[0]
-    copied = copy.deepcopy(plays)
+    copied = deepcopy(plays)
     assert copied.model.policy is plays.model.policy
     assert copied.model.action_space is not plays.model.action_space
     drawn = [

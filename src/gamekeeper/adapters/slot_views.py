@@ -90,14 +90,15 @@ class SlotView:
         return self._rows(self._of_group(part))
 
     def _rows(self, part: Any) -> Any:
-        own = part.copy() if self._is_whole else np.array(part[:, self._places], order="C")
+        own = part.copy() if self._is_whole else np.array(self._of_learners(part), order="C")
         return own.reshape(self.count, *own.shape[2:])
+
+    def _of_learners(self, part: Any) -> Any:
+        return part if self._is_whole else part[:, self._places]
 
     def note_live(self, infos: Any) -> bool:
         """Notes which slots are live; returns True if all of them were before."""
-        were_all, live = self.are_all_live, self._of_group(infos["live"])
-        if not self._is_whole:
-            live = live[:, self._places]
+        were_all, live = self.are_all_live, self._of_learners(self._of_group(infos["live"]))
         self.are_all_live = np.count_nonzero(live) == self.count
         if not (were_all and self.are_all_live):
             self.live.reshape(live.shape)[...] = live
@@ -154,10 +155,12 @@ class TickView(SlotView):
             self.acting[...] = self.live
         found = changed(self._bare(self._of_group(obs)), self._rows)
         if self.masks.size:
-            self.masks[...] = self.by_slot(infos[MASK])
+            masks = self._of_learners(self._of_group(infos[MASK]))
+            self.masks.reshape(masks.shape)[...] = masks
         if not self.are_all_live:
-            clear(found, ~self.live)
-            self.masks[~self.live] = 1
+            gone = ~self.live
+            clear(found, gone)
+            self.masks[gone] = 1
         return found
 
 

@@ -127,6 +127,35 @@ def unread(size: int) -> int:
     return size - (4 * (2 * second + 1) + 8) if second >= 3 else 0
 
 
+class EmptyInfo(dict[str, Any]):
+    """Info of every slot that hasn't ended: one for thousands of them, so it stays empty."""
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        self.update({key: value})
+
+    def setdefault(self, key: str, default: Any = None) -> Any:
+        """Refused, as `update` is."""
+        return self.update({key: default})
+
+    def update(self, *args: Any, **kwargs: Any) -> None:
+        """Refused: what is written here would stand in the infos of all other slots too.
+
+        Raises:
+            SpecError: always.
+        """
+        raise SpecError(
+            "slots that haven't ended share one info, so nothing is written into it",
+            where="infos[slot]",
+            actual=f"{args} {kwargs}",
+            fix="put another dictionary in its place: infos[slot] = {...}",
+        )
+
+    __ior__ = update  # type: ignore[assignment]  # refused too
+
+
+NO_INFO: Final[dict[str, Any]] = EmptyInfo()
+
+
 class SlotVecEnv(VecEnv):
     """Use `vec_env`.
 
@@ -141,7 +170,6 @@ class SlotVecEnv(VecEnv):
         self._next_seed: int | None = None
         self._is_noted = False
         self._actions: Any = None
-        self._nothing: list[dict[str, Any]] = [{} for _ in range(slots.count)]
         super().__init__(slots.count, slots.observation_space, slots.action_space)
 
     def reset(self) -> Any:
@@ -165,7 +193,7 @@ class SlotVecEnv(VecEnv):
                 " without the adapter's buffer learns from them (fix: **sb3.buffer(venv), of"
                 " off-policy algorithms **sb3.replay_buffer(venv); to evaluate none is needed)\n"
             )
-        infos = self._infos()
+        infos = [NO_INFO] * self.num_envs
         if done.final:
             self._tell_ends(infos, done)
         return done.obs, done.rewards.astype(np.float32), done.ended, infos
@@ -180,12 +208,6 @@ class SlotVecEnv(VecEnv):
                 "TimeLimit.truncated": is_cut,
                 "episode": {"r": done.returns[slot], "l": done.lengths[slot], "t": passed_s},
             }
-
-    def _infos(self) -> list[dict[str, Any]]:
-        """Returns an empty info for each slot, new ones where the last step's were written into."""
-        if any(self._nothing):
-            self._nothing = [{} for _ in self._nothing]
-        return self._nothing.copy()
 
     def close(self) -> None:
         """Closes every sub-environment."""
