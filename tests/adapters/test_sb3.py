@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import base64
-import copy
 import json
 import zipfile
+from copy import deepcopy
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -249,7 +249,7 @@ def test_one_empty_info_is_never_written_into() -> None:
         with pytest.raises(SpecError, match="share one info"):
             write(infos[0])
     infos[0] = {"note": 1}
-    own = copy.deepcopy(infos)
+    own = deepcopy(infos)
     *_, later = venv.step(venv.action_masks().argmax(1))
     assert own == infos == [{"note": 1}, *[{}] * (venv.num_envs - 1)]
     assert later == [{}] * venv.num_envs
@@ -285,7 +285,7 @@ def test_drawn_actions_leave_torchs_generator_alone() -> None:
     torch.manual_seed(3)
     before = torch.get_rng_state()
     seen = venv.reset()[0]
-    copied = copy.deepcopy(plays)
+    copied = deepcopy(plays)
     assert copied.model.policy is plays.model.policy
     assert copied.model.action_space is not plays.model.action_space
     drawn = [

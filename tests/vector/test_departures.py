@@ -10,6 +10,7 @@ from gymnasium import spaces
 from pettingzoo import AECEnv, ParallelEnv
 
 import gamekeeper as gk
+from tests.vector import worlds
 
 
 class _Leaving:
@@ -90,3 +91,11 @@ def test_departure_is_a_termination(kind: Any, steps: list[int], autoreset: str)
             ends[agent].append(step)
     assert ends == {agent: [at, at + rounds] for agent, at in enumerate(steps)}
     venv.close()
+
+
+def test_agents_that_ended_before_are_shown_zeros_whatever_the_environment_shows_them() -> None:
+    """The last observation in the step of the end; until the copy begins anew, nothing more."""
+    with gk.vector.make(f"{worlds.__file__}:Shown", 2) as venv:
+        venv.reset()
+        seen = [venv.step(np.zeros((2, 2), np.int64))[0][:, 0, 0].tolist() for _ in range(10)]
+    assert seen == [[time] * 2 for time in (1, 2, 3, 4, 0, 0, 0, 0, 0, 0)]

@@ -104,13 +104,14 @@ class SlotView:
             self.live.reshape(live.shape)[...] = live
         return were_all
 
-    def look(self, before: Any, obs: Any, infos: Any, over: Any) -> Any:
+    def look(self, before: Any, obs: Any, infos: Any, over: Any, ended: Any) -> Any:
         """Notes which slots act next, and returns each slot's observation, in arrays of its own.
 
         Args:
             before: observations that the slots had before; None at a reset.
             obs, infos: as the vector environment returned them.
             over: sub-environments that were reset in the last step.
+            ended: [slot], slots that ended in it.
         """
         raise NotImplementedError
 
@@ -147,7 +148,7 @@ class SlotView:
 class TickView(SlotView):
     """View of Parallel sub-environments: every live agent acts."""
 
-    def look(self, before: Any, obs: Any, infos: Any, over: Any) -> Any:
+    def look(self, before: Any, obs: Any, infos: Any, over: Any, ended: Any) -> Any:
         """Looks as every view does; agents that aren't live are shown zeros."""
         were_all_live = self.note_live(infos)
         self.are_all_acting = self.are_all_live
@@ -159,7 +160,7 @@ class TickView(SlotView):
             self.masks.reshape(masks.shape)[...] = masks
         if not self.are_all_live:
             gone = ~self.live
-            clear(found, gone)
+            clear(found, gone & ended)  # earlier ends are zeros already
             self.masks[gone] = 1
         return found
 
@@ -167,7 +168,7 @@ class TickView(SlotView):
 class TurnView(SlotView):
     """View of AEC sub-environments: one agent acts, the others keep their last observation."""
 
-    def look(self, before: Any, obs: Any, infos: Any, over: Any) -> Any:
+    def look(self, before: Any, obs: Any, infos: Any, over: Any, ended: Any) -> Any:
         """Looks as every view does; an agent that ended or had no turn yet is shown zeros."""
         self.note_live(infos)
         if before is None:

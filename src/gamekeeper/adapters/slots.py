@@ -134,7 +134,7 @@ class Slots:
         self._returns[...] = 0.0
         self.acted[...] = self.have_all_acted = False
         self._others.begin(range(self.venv.num_envs), self.seed, self._infos)
-        self._seen = self._view.look(None, self._obs, self._infos, NO_ENVS)
+        self._seen = self._view.look(None, self._obs, self._infos, NO_ENVS, self.acted)
         return self._seen
 
     def step(self, actions: Any) -> Step:
@@ -151,7 +151,7 @@ class Slots:
         self._returns += rewards
         ended = terminated | truncated
         self._others.begin(over, self.seed, infos)
-        self._seen = view.look(self._seen, self._obs, infos, over)
+        self._seen = view.look(self._seen, self._obs, infos, over, ended)
         if not np.count_nonzero(ended):
             return Step(self._seen, rewards, terminated, truncated, ended, {}, {}, {})
         final = view.finals(ended.nonzero()[0], infos)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gamekeeper.kernels.compile_cache import compiled, key_of
 
-TOGETHER: Final = 8
+TOGETHER: Final = 16
 """Rows that are taken as one: of short ones the compiled loop would do the last numbers singly."""
 
 

@@ -328,17 +328,14 @@ class KernelEngine:
         """The last observations of those who had one; of turns others' stand there from before."""
         last = self._batch.arrays.last[ended]
         for g, group in enumerate(self._form.groups):
-            absent, leaf = ~last[:, group.columns], _leaf_of_mask(group)
-            k, first = self._places[g]
+            rows, absent = np.nonzero(~last[:, group.columns])
+            leaf, (k, first) = _leaf_of_mask(group), self._places[g]
             for i in range(len(group.observed)):
                 final = self.arrays[f"final.{g}.{i}"]
                 if i == leaf and self._kernel.mask is not None:
                     flags = self._made[f"final_mask.{k}"]
-                    found = flags[ended, first : first + len(group.agents)].astype(final.dtype)
-                else:
-                    found = final[ended]
-                found[absent] = 0
-                final[ended] = found
+                    final[ended] = flags[ended, first : first + len(group.agents)]
+                final[ended[rows], absent] = 0
 
     # -- infos, as its environments give them
 

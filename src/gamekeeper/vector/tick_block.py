@@ -135,14 +135,19 @@ class TickBlock(SubEnvBlock):
 
     def _show(self, e: int, observations: Any, infos: Any, live: Sequence[AgentId]) -> None:
         """Writes observations, live flags and masks of the sub-environment's agents."""
+        is_whole, row = len(live) == self._count, self._arrays["live"][e]
+        if not (is_whole or self._is_whole[e]):  # what agents are shown that ended before is zeros
+            observations = {
+                a: observations[a]
+                for a, was_live in zip(self._agents, row.tolist(), strict=True)
+                if (was_live or a in live) and a in observations
+            }
         try:
             self._seen[e] = self._pick(observations)
         except KeyError:
             blanks = self._blanks
             self._seen[e] = tuple([observations.get(a, blanks[a]) for a in self._agents])
-        is_whole = len(live) == self._count
         if not (is_whole and self._is_whole[e]):
-            row = self._arrays["live"][e]
             row[...] = False
             for agent in live:
                 row[self._column[agent]] = True

@@ -171,7 +171,7 @@ class FramesInBatch(BatchTransform):
         """Forgets the frames of these sub-environments."""
         self._are_known = [False for _ in self._groups]
         for known in self._known:
-            known[envs] = False
+            known &= ~envs[:, None]
 
     def decided(self, g: int, seen: Any, deciding: Flags, columns: Columns) -> None:
         """Makes place for the next frame, behind those that were decided by."""
@@ -371,7 +371,7 @@ class NormalizedBatch(BatchTransform):
 
     def forget(self, envs: Flags) -> None:
         """Begins new returns in these sub-environments."""
-        for returns in self._returns:
+        for returns in self._returns if self.remembers else ():
             returns[envs] = 0
 
     def decided(self, g: int, seen: Any, deciding: Flags, columns: Columns) -> None:
