@@ -11,7 +11,6 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.open_setup import recorder_of
 from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import TEAM, failed, failures
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.identity import spec_of
@@ -138,12 +137,9 @@ class _Search:
                 fix="`gamekeeper replay` says whether the run replays at all",
             )
         self.scope, self.whole = scope or failing[0], whole
-        names = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
-        self.noops = {
-            agent: noop
-            for agent, name in zip(getattr(env, "possible_agents", ()), names, strict=True)
-            if (noop := contract.noop_of(name)) is not None
-        }
+        agents = getattr(env, "possible_agents", ())
+        found = {agent: contract.noop_of(agent) for agent in agents}
+        self.noops = {agent: noop for agent, noop in found.items() if noop is not None}
         self.on_message: Callable[[dict[str, Any]], None] | None = None
 
     def still(self, play: EpisodePlan) -> bool:
