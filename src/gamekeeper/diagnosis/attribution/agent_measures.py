@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gamekeeper.checks.effects import influence_rows
 from gamekeeper.diagnosis.attribution.message_influence import Talk
 from gamekeeper.episodes.outcome import Outcome
-from gamekeeper.episodes.plain_json import plain
+from gamekeeper.episodes.plain_json import fields_json, plain
 from gamekeeper.episodes.row_tables import html_table, text_lines
 from gamekeeper.episodes.summary import Summary
 from gamekeeper.statistics.paired import FEWEST, paired_effect
@@ -249,17 +249,9 @@ class Penalty:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "agent": self.agent,
-            "term": self.term,
-            "p": self.wrong.p,
-            "low": self.wrong.low,
-            "high": self.wrong.high,
-            "n": self.wrong.n,
-            "unknown": self.unknown,
-            "by": dict(self.by),
-            "first": None if self.first is None else dict(self.first),
-        }
+        found = fields_json(self)
+        share = found.pop("wrong")
+        return {**found, **share}
 
 
 def penalties(scans: Iterable[Mapping[str, Any]]) -> list[Penalty]:
@@ -493,19 +485,10 @@ class Attribution:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper attribute --json` prints."""
-        counts = ("episodes", "fresh", "reused", "steps", "budget", "recorded", "replayed")
-        return {
-            **{
-                name: getattr(self, name) for name in ("run", *counts, "loop", "baseline", "rivals")
-            },
-            "policies": dict(self.policies),
-            "team": {"all": self.everyone, "none": self.nobody, "shapley": self.method},
-            "agents": {name: part.to_json() for name, part in self.agents.items()},
-            "influence": [dict(row) for row in self.influence],
-            "messages": [each.to_json() for each in self.messages],
-            "penalties": [each.to_json() for each in self.penalties],
-            "not_tested": [dict(each) for each in self.not_tested],
-        }
+        found = fields_json(self)
+        names = {"all": "everyone", "none": "nobody", "shapley": "method"}
+        team = {name: found.pop(own) for name, own in names.items()}
+        return {**found, "team": team}
 
     def rows(self) -> list[list[str]]:
         """A heading and a row for each agent, as texts."""

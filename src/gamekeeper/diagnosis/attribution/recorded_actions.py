@@ -165,7 +165,11 @@ class ActionTrack:
         action = self._own_action(chooser, agent, observation, info, len(mine))
         swap = self.swap
         if swap is not None and swap.agent == name and swap.turn in (None, self.turn):
-            action = self._otherwise(chooser, action, observation, info)
+            if swap.instead == "noop":
+                action = chooser.nothing(observation, info)
+            else:
+                assert self.rng is not None, "another action has to be drawn"
+                action = chooser.other(action, observation, info, self.rng)
         mine.append(own_action(action))
         self.moves.append((self.turn, name, chooser.is_noop(action)))
         return action
@@ -179,12 +183,6 @@ class ActionTrack:
             return own_action(written[count])  # whoever overwrites it spoils no later track
         self.left_script += 1
         return chooser.nothing(seen, info)
-
-    def _otherwise(self, chooser: Chooser, action: Any, seen: Any, info: Any) -> Any:
-        if self.swap is not None and self.swap.instead == "noop":
-            return chooser.nothing(seen, info)
-        assert self.rng is not None, "another action has to be drawn"
-        return chooser.other(action, seen, info, self.rng)
 
     # -- the watch
 
