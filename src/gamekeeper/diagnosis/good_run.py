@@ -71,7 +71,7 @@ def compared(
             theirs,
             differences,
             runner,
-            _score(conditions, contract),
+            score_of(conditions, contract),
             options.part,
             (
                 fresh_seed(one.fingerprint, options.seed, "search differences"),
@@ -87,7 +87,7 @@ def compared(
     return _diagnosis(one, search, found, least, agents, conditions, contract, options)
 
 
-def _score(conditions: Mapping[str, Failure], contract: Contract) -> Callable[[Outcome], float]:
+def score_of(conditions: Mapping[str, Failure], contract: Contract) -> Callable[[Outcome], float]:
     """The figure by which episodes are compared: 1 where nobody failed; else the team's return."""
     if not conditions:
         return lambda outcome: outcome.team_return

@@ -175,7 +175,7 @@ def consent_to(
     evidence: Evidence,
     setup: Setup,
     *,
-    env: object | None,
+    env: object | None = None,
     policies: Mapping[str, Any] | None,
     allow_import: bool,
     tried: Sequence[object] = (),

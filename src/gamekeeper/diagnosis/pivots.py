@@ -81,7 +81,7 @@ def pivots(
     orders = [{**common, "episode": number, "scope": scopes[number]} for number in chosen]
     found: list[EpisodePivots] = []
     with (
-        consent_to(evidence, setup, env=None, policies=policies, allow_import=allow_import),
+        consent_to(evidence, setup, policies=policies, allow_import=allow_import),
         noted_if_interrupted(lambda: _known(found, len(chosen))),
     ):
         if isinstance(workers, int) and workers == 0:

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final, TypeAlias
@@ -88,10 +89,9 @@ def _sums(track: ActionTrack, agent: str) -> dict[str, float]:
 
 def first_difference(one: ActionTrack, two: ActionTrack) -> int | None:
     """The first turn at which two tracks of the same thing differ; None: nowhere."""
-    for turn in range(max(len(one.rewards), len(two.rewards))):
-        if turn >= len(one.rewards) or turn >= len(two.rewards):
-            return turn
-        if one.rewards[turn] != two.rewards[turn] or one.ended[turn] != two.ended[turn]:
+    steps = (zip(each.rewards, each.ended, strict=True) for each in (one, two))
+    for turn, (was, now) in enumerate(zip_longest(*steps)):
+        if was != now:
             return turn
     keys = [k for k in one.given.keys() | two.given.keys() if one.given.get(k) != two.given.get(k)]
     return min((turn for turn, _ in keys), default=None)

@@ -238,13 +238,17 @@ class ReplacementRunner(OpenSetup):
         return replace(self.plan(self.task.run_seed, number), asks_last=False)
 
     def _open_baseline(self) -> Any:
-        """The policies that take agents' places.
+        """The policies that take agents' places; of those who join late that of their role's first.
 
         Raises:
             PolicyError: the environment has no such policy.
         """
+        found = dict(self.task.baseline)
+        for agent in getattr(self.env, "possible_agents", ()):
+            peers = [x for x in self.task.players if self.role_of(x) == self.role_of(agent)]
+            found.setdefault(agent_name(agent), found[peers[0]] if peers else "random")
         try:
-            return joint_policy_of(self._baseline(), self.env, self.contract)
+            return joint_policy_of(found, self.env, self.contract)
         except PolicyError as error:
             raise PolicyError(
                 error.what,
@@ -253,16 +257,6 @@ class ReplacementRunner(OpenSetup):
                 actual=error.actual,
                 fix="take --baseline noop or --baseline random",
             ) from error
-
-    def _baseline(self) -> dict[str, str]:
-        """Baselines of the players; for those who join late that of their role's first."""
-        found = dict(self.task.baseline)
-        for agent in getattr(self.env, "possible_agents", ()):
-            role = self.role_of(agent)
-            peers = [name for name in self.task.players if self.role_of(name) == role]
-            if agent_name(agent) not in found:
-                found[agent_name(agent)] = found[peers[0]] if peers else "random"
-        return found
 
 
 def script_to_json(script: EpisodeActions) -> str:
