@@ -274,10 +274,9 @@ def _arguments(evidence: Evidence) -> dict[str, Any]:
 
 
 def _failing(evidence: Evidence, condition: str | None, scope: str) -> int:
-    conditions = failures(evidence.contract, condition)
-    contract = evidence.contract
-    told = [failed(outcome_of(episode), conditions, contract) for episode in evidence.episodes]
-    return sum(each.get(scope, False) for each in told)
+    contract, outcomes = evidence.contract, map(outcome_of, evidence.episodes)
+    conditions = failures(contract, condition)
+    return sum(failed(each, conditions, contract).get(scope, False) for each in outcomes)
 
 
 def _words(text: str) -> str:

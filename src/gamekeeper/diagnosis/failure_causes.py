@@ -333,10 +333,8 @@ def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> l
 
 def _scope_of(agent: str, findings: Mapping[str, ScopeFinding], contract: Contract) -> str:
     """The narrowest scope with a condition that holds for an agent."""
-    for scope in (agent, contract.role_of(agent), TEAM):
-        if scope in findings:
-            return str(scope)
-    return next(iter(findings))
+    scopes = (agent, contract.role_of(agent) or TEAM, TEAM, *findings)
+    return next(scope for scope in scopes if scope in findings)
 
 
 def _flips(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> dict[str, float]:

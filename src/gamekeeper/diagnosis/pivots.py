@@ -114,11 +114,8 @@ def pivots(
 
 def _known(found: Sequence[EpisodePivots], count: int) -> list[str]:
     """Lines of what a search that was interrupted knows."""
-    turns = {
-        each.episode: ", ".join(str(pivot.turn) for pivot in each.pivots) or "none"
-        for each in found
-    }
-    lines = [f"pivots of episode {number}: {turns[number]}" for number in sorted(turns)]
+    turns = {each.episode: [str(pivot.turn) for pivot in each.pivots] for each in found}
+    lines = [f"pivots of episode {k}: {', '.join(turns[k]) or 'none'}" for k in sorted(turns)]
     return [f"{len(found)} of {count} episodes were searched; a new call begins anew", *lines]
 
 
