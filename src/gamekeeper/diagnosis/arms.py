@@ -49,14 +49,11 @@ def play_shares(
         EnvError: a worker process hung, or died as often as it was tried.
         KeyboardInterrupt: by Ctrl-C.
     """
-
-    def report(key: str, fields: dict[str, Any]) -> None:
-        if on_report is not None:
-            on_report(fields)
-
+    hear = on_report or (lambda fields: None)
     tasks = (WorkTask(f"share-{number:07d}", call, share) for number, share in enumerate(shares))
     players = LocalExecutor(workers) if isinstance(workers, int) else workers
-    answers = players.map(tasks, limits=Limits(silence_s=silence_s), on_report=report)
+    limits = Limits(silence_s=silence_s)
+    answers = players.map(tasks, limits=limits, on_report=lambda key, fields: hear(fields))
     with stopped_after(answers) as ends:
         for done in ends:
             end = done.outcome
@@ -198,14 +195,11 @@ class ArmRunner:
                 opened.
         """
         wanted = [
-            (
-                order,
-                [k for k in order.episodes if (order.arm, order.run_seed, k) not in self.outcomes],
-            )
-            for order in orders
-            if order.arm not in self.broken
+            (o, left)
+            for o in orders
+            if o.arm not in self.broken
+            and (left := [k for k in o.episodes if (o.arm, o.run_seed, k) not in self.outcomes])
         ]
-        wanted = [(order, episodes) for order, episodes in wanted if episodes]
         total = sum(len(episodes) for _, episodes in wanted)
         if total:
             self._say(episode=0, episodes=total)

@@ -244,20 +244,17 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
             fix="declare more knobs in the contract, or play more episodes (--episodes)",
         )
     found = next(each for each in diagnosis.answers if each.substitutes)
-    arms: dict[str, Any] = {}
-    counts: list[int] = []
-    for arm, folder in playable.items():
-        evidence = load(folder)
-        arms["as it is" if not arms else arm] = _arguments(evidence)
-        counts.append(_failing(evidence, failed, found.scope))
-    episodes = load(next(iter(diagnosis.runs.values()))).episode_table.num_rows
-    seed = load(next(iter(diagnosis.runs.values()))).manifest["seed"]
+    runs = {arm: load(folder) for arm, folder in playable.items()}
+    base, *others = runs
+    names = {base: "as it is", **{arm: arm for arm in others}}
+    arms = {names[arm]: _arguments(evidence) for arm, evidence in runs.items()}
+    counts = [_failing(evidence, failed, found.scope) for evidence in runs.values()]
     return _TEXT.format(
         title=_words(f"{' and '.join(found.labels).capitalize()}: a failure that was diagnosed."),
         fingerprint=_words(diagnosis.fingerprint[:16]),
         why=_words(found.why),
-        seed=seed,
-        episodes=episodes,
+        seed=runs[base].manifest["seed"],
+        episodes=runs[base].episode_table.num_rows,
         condition=repr(failed) if failed else "None",
         scope=found.scope,
         arms=pprint.pformat(arms, width=96, sort_dicts=False),
@@ -277,10 +274,9 @@ def _arguments(evidence: Evidence) -> dict[str, Any]:
 
 
 def _failing(evidence: Evidence, condition: str | None, scope: str) -> int:
-    conditions = failures(evidence.contract, condition)
-    contract = evidence.contract
-    told = [failed(outcome_of(episode), conditions, contract) for episode in evidence.episodes]
-    return sum(each.get(scope, False) for each in told)
+    contract, outcomes = evidence.contract, map(outcome_of, evidence.episodes)
+    conditions = failures(contract, condition)
+    return sum(failed(each, conditions, contract).get(scope, False) for each in outcomes)
 
 
 def _words(text: str) -> str:

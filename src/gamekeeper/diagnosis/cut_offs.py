@@ -49,14 +49,10 @@ def cutting_arguments(given: Mapping[str, Any], turn: int | None, agents: int) -
     """The arguments whose value is the truncating turn, counted in turns or in rounds of agents."""
     if turn is None:
         return {}
-    found = {
+    whole = {k: x for k, x in given.items() if isinstance(x, int) and not isinstance(x, bool)}
+    # A round is a turn of each agent; the last may be broken off or followed by farewells.
+    return {
         name: value
-        for name, value in given.items()
-        if isinstance(value, int) and not isinstance(value, bool) and value > 0
+        for name, value in whole.items()
+        if value > 0 and (value == turn or (agents > 1 and 0 <= turn - value * agents <= agents))
     }
-    return {name: value for name, value in found.items() if _cuts(value, turn, max(agents, 1))}
-
-
-def _cuts(value: int, turn: int, agents: int) -> bool:
-    """A round is a turn of each agent; the last one may be broken off or followed by farewells."""
-    return value == turn or (agents > 1 and 0 <= turn - value * agents <= agents)

@@ -20,7 +20,7 @@ from gamekeeper.diagnosis.cut_offs import cuts_of, early_cut
 from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
-from gamekeeper.diagnosis.good_run import compared
+from gamekeeper.diagnosis.good_run import compared, score_of
 from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, EXPECTED, PART, ScopeFinding
 from gamekeeper.diagnosis.open_setup import (
     OpenSetup,
@@ -186,10 +186,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
 
 def _known(experiment: Experiment, options: DiagnosisOptions) -> list[str]:
     """Lines of what an experiment that was interrupted knows: shares of successes."""
-
-    def score(outcome: Outcome) -> float:
-        return float(not any(failed(outcome, experiment.conditions, experiment.contract).values()))
-
+    score = score_of(experiment.conditions, experiment.contract)
     return [options.goes_on, "success rates by then:", *experiment.runner.known(score)]
 
 
@@ -336,10 +333,8 @@ def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> l
 
 def _scope_of(agent: str, findings: Mapping[str, ScopeFinding], contract: Contract) -> str:
     """The narrowest scope with a condition that holds for an agent."""
-    for scope in (agent, contract.role_of(agent), TEAM):
-        if scope in findings:
-            return str(scope)
-    return next(iter(findings))
+    scopes = (agent, contract.role_of(agent) or TEAM, TEAM, *findings)
+    return next(scope for scope in scopes if scope in findings)
 
 
 def _flips(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> dict[str, float]:

@@ -71,7 +71,7 @@ def compared(
             theirs,
             differences,
             runner,
-            _score(conditions, contract),
+            score_of(conditions, contract),
             options.part,
             (
                 fresh_seed(one.fingerprint, options.seed, "search differences"),
@@ -87,7 +87,7 @@ def compared(
     return _diagnosis(one, search, found, least, agents, conditions, contract, options)
 
 
-def _score(conditions: Mapping[str, Failure], contract: Contract) -> Callable[[Outcome], float]:
+def score_of(conditions: Mapping[str, Failure], contract: Contract) -> Callable[[Outcome], float]:
     """The figure by which episodes are compared: 1 where nobody failed; else the team's return."""
     if not conditions:
         return lambda outcome: outcome.team_return
@@ -200,7 +200,8 @@ def _answer(
     """The answer for an agent, or for the team where there is none."""
     every = [one for each in least for one in each]
     mine = [one for one in every if agent is None or agent in one.agents or not one.agents]
-    labels = {label for one in mine if (label := _label(one, contract)) is not None}
+    knobs = (contract.knobs.get(one.path[0]) for one in mine if one.path)
+    labels = {knob.label for knob in knobs if knob is not None}  # no other label is shown
     answer: Answer
     if not least:
         answer = "unexplained" if found.gap[1] > 0 else "not_failing"
@@ -227,12 +228,6 @@ def _answer(
         tuple(one.name for one in mine),
         between.join(dict.fromkeys(_shown(one) for one in mine)) or None,
     )
-
-
-def _label(one: SetupDifference, contract: Contract) -> str | None:
-    """The label of a knob that the contract declares by this name; no other is shown."""
-    knob = contract.knobs.get(one.path[0]) if one.path else None
-    return None if knob is None else knob.label
 
 
 def _shown(one: SetupDifference) -> str:

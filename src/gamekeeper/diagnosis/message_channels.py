@@ -72,8 +72,6 @@ def channels_of(
         agents: those that are looked at.
         seed: run seed of the episodes.
     """
-    if not 1 < len(agents) <= MOST_AGENTS:
-        return ()
     found: list[MessageChannel] = []
     for source in agents:
         with OpenSetup(setup.with_policy(source, "random"), contract) as open_setup:

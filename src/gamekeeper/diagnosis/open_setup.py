@@ -175,7 +175,7 @@ def consent_to(
     evidence: Evidence,
     setup: Setup,
     *,
-    env: object | None,
+    env: object | None = None,
     policies: Mapping[str, Any] | None,
     allow_import: bool,
     tried: Sequence[object] = (),
@@ -222,7 +222,18 @@ def _named_policies(evidence: Evidence, chosen: Mapping[str, Any]) -> dict[str, 
             actual=f"no policy for {', '.join(map(str, left))}",
             fix="name the policy of the others too, as in --policy random --policy picker=...",
         )
-    return {**_kept_policies(recorded, chosen, role_of), **chosen}
+    kept = {
+        place: name
+        for place, name in recorded.items()
+        if place not in chosen and role_of(place) not in chosen
+    }
+    heirs: dict[str, str] = {}  # those that shared an object still do
+    for place, name in kept.items():
+        owner = shared_with(name)
+        if owner is not None and owner not in kept:
+            heir = heirs.setdefault(owner, place)
+            kept[place] = recorded[owner] if heir == place else f"{SAME}{heir}"
+    return {**kept, **chosen}
 
 
 def other_policies(evidence: Evidence, setup: Setup) -> dict[str, str]:
@@ -233,24 +244,6 @@ def other_policies(evidence: Evidence, setup: Setup) -> dict[str, str]:
         for place, name in setup.policies.items()
         if recorded.get(place) != name
     }
-
-
-def _kept_policies(
-    recorded: Mapping[str, str], chosen: Mapping[str, Any], role_of: Callable[[object], str | None]
-) -> dict[str, str]:
-    """The recorded policies that no choice replaces; those that shared an object still do."""
-    kept = {
-        place: name
-        for place, name in recorded.items()
-        if place not in chosen and role_of(place) not in chosen
-    }
-    heirs: dict[str, str] = {}
-    for place, name in kept.items():
-        owner = shared_with(name)
-        if owner is not None and owner not in kept:
-            heir = heirs.setdefault(owner, place)
-            kept[place] = recorded[owner] if heir == place else f"{SAME}{heir}"
-    return kept
 
 
 def longest_of(evidence: Evidence) -> int:

@@ -205,18 +205,17 @@ class PivotSearch:
         if self.play.is_spent:
             self._miss(f"other actions at turn {turn}")
             return pivot
-        recorded = self.play.base.actions[turn]
         screened: dict[str, list[tuple[int, int, ActionOption]]] = {}
         for place, option in enumerate(self._options(turn)):
-            hits, n = self._tried(turn, option, place, range(FEW), recorded)
+            hits, n = self._tried(turn, option, place, range(FEW))
             screened.setdefault(agent_name(option.agent), []).append((hits, n, option))
-        base = self._tried(turn, None, -1, range(CONFIRM), recorded)
+        base = self._tried(turn, None, -1, range(CONFIRM))
         tried: list[AlternativeAction] = []
         for number, rows in enumerate(screened.values()):
             best = max(rows, key=lambda row: row[0] / max(row[1], 1))
             tried += [_tried_action(o, h, n) for h, n, o in rows if o is not best[2]]
             place = 1_000 + number
-            hits, n = self._tried(turn, best[2], place, range(CONFIRM), recorded)
+            hits, n = self._tried(turn, best[2], place, range(CONFIRM))
             p = fisher_exact(hits, n, *base) if n and base[1] else 1.0
             tried.append(replace(_tried_action(best[2], hits, n), p=p))
         if self.play.is_spent:
@@ -249,15 +248,10 @@ class PivotSearch:
         return replace(pivot, loss=loss, agents=agents, tried=tuple(rows))
 
     def _tried(
-        self,
-        turn: int,
-        option: ActionOption | None,
-        place: int,
-        which: range,
-        recorded: Mapping[Any, Any],
+        self, turn: int, option: ActionOption | None, place: int, which: range
     ) -> tuple[int, int]:
         """Successes with an action in place of the recorded one; of None with all as recorded."""
-        held = dict(recorded)
+        held = dict(self.play.base.actions[turn])
         if option is not None and option.source == DRAWN:
             del held[option.agent]
         elif option is not None:
@@ -272,13 +266,12 @@ class PivotSearch:
             if self.play.is_spent:
                 self._miss(f"turns 0 to {turn}")
                 return ()
-            recorded = self.play.base.actions[turn]
             tried = []
             for place, option in enumerate(self._options(turn)):
                 if option.source == DRAWN:
                     continue
                 count = range(CERTAIN if self.play.draws else 1)
-                hits, n = self._tried(turn, option, place, count, recorded)
+                hits, n = self._tried(turn, option, place, count)
                 tried.append(replace(_tried_action(option, hits, n), keeps=hits == n > 0))
             agents = tuple(dict.fromkeys(each.agent for each in tried if each.keeps))
             if agents:
@@ -290,7 +283,21 @@ class PivotSearch:
     # -- continuations
 
     def _options(self, turn: int) -> Iterator[ActionOption]:
-        return options_at(self.play, self.reference, self.seed, turn)
+        """Yields the actions in place of each recorded one of a turn."""
+        base, inputs = self.play.base, self.play.inputs(turn)
+        for place, (agent, action) in enumerate(base.actions[turn].items()):
+            if action is None or agent not in inputs:  # an ended agent's
+                continue
+            yield ActionOption(agent, DRAWN)
+            legal_actions = legal_actions_of(base.contract, base.env, agent)
+            rng = np.random.default_rng([13, self.seed, turn, place])
+            if legal_actions is not None:
+                legal_actions.take(*inputs[agent])
+                yield from _others(legal_actions, agent, action, rng)
+            space = None if legal_actions is None else legal_actions.space
+            is_short = isinstance(space, Discrete) and int(space.n) <= MOST_LEGAL
+            if self.reference is not None and not is_short:
+                yield ActionOption(agent, REFERENCE, self.reference.act(agent, *inputs[agent]))
 
     def _successes(
         self,
@@ -317,7 +324,7 @@ class PivotSearch:
 
 
 def _tried_action(option: ActionOption, hits: int, n: int) -> AlternativeAction:
-    text = None if option.source == DRAWN else option.text
+    text = None if option.source == DRAWN else to_json(option.action)
     return AlternativeAction(agent_name(option.agent), text, option.source, hits, n)
 
 
@@ -345,37 +352,6 @@ class ActionOption:
     agent: Any
     source: str
     action: Any = None
-
-    @property
-    def text(self) -> str:
-        """The action as text."""
-        return to_json(self.action)
-
-
-def options_at(
-    play: Continuations, reference: JointPolicy | None, seed: int, turn: int
-) -> Iterator[ActionOption]:
-    """Yields the actions in place of each recorded one of a turn.
-
-    Args:
-        play: gives what agents see at a turn.
-        reference: the environment's own reference policy, if it has one.
-        seed: of samples.
-    """
-    recorded, inputs = play.base.actions[turn], play.inputs(turn)
-    for place, (agent, action) in enumerate(recorded.items()):
-        if action is None or agent not in inputs:  # an ended agent's
-            continue
-        yield ActionOption(agent, DRAWN)
-        legal_actions = legal_actions_of(play.base.contract, play.base.env, agent)
-        rng = np.random.default_rng([13, seed, turn, place])
-        if legal_actions is not None:
-            legal_actions.take(*inputs[agent])
-            yield from _others(legal_actions, agent, action, rng)
-        space = None if legal_actions is None else legal_actions.space
-        is_short = isinstance(space, Discrete) and int(space.n) <= MOST_LEGAL
-        if reference is not None and not is_short:
-            yield ActionOption(agent, REFERENCE, reference.act(agent, *inputs[agent]))
 
 
 def reference_of(env: Any, contract: Contract) -> JointPolicy | None:

@@ -1,7 +1,6 @@
 """The front of pivots: a recorded run in, the turns that lost its failed episodes out."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from os import PathLike
 from typing import Any, Final
 
@@ -74,30 +73,27 @@ def pivots(
     scopes = _failed_scopes(evidence, conditions, declared)
     chosen = _chosen(evidence, scopes, episode)
     setup = setup_of(evidence, policies=policies)
-    share = budget // max(len(chosen), 1)
+    common: dict[str, Any] = {
+        "condition": failed,
+        "budget": budget // max(len(chosen), 1),
+        "seed": seed,
+    }
+    orders = [{**common, "episode": number, "scope": scopes[number]} for number in chosen]
     found: list[EpisodePivots] = []
     with (
-        consent_to(evidence, setup, env=None, policies=policies, allow_import=allow_import),
+        consent_to(evidence, setup, policies=policies, allow_import=allow_import),
         noted_if_interrupted(lambda: _known(found, len(chosen))),
     ):
-        wanted = [(number, scopes[number]) for number in chosen]
         if isinstance(workers, int) and workers == 0:
             with OpenSetup(setup, declared) as open_setup:
-                search = partial(_searched, evidence, open_setup, budget=share, seed=seed)
-                for number, scope in wanted:
-                    found.append(search(number, scope, failed))
+                for order in orders:
+                    found.append(_searched(evidence, open_setup, **order))
         else:
-            common = {
-                "run": str(evidence.path),
-                "setup": setup.to_json(),
-                "contract": declared.to_json(),
-                "condition": failed,
-                "budget": share,
-                "seed": seed,
-            }
+            where: dict[str, Any] = {"run": str(evidence.path), "setup": setup.to_json()}
+            where["contract"] = declared.to_json()
             play_shares(
                 TASK,
-                [{**common, "episode": number, "scope": scope} for number, scope in wanted],
+                [{**where, "order": order} for order in orders],
                 lambda answer: found.append(EpisodePivots.from_json(answer)),
                 workers=workers,
                 silence_s=SILENCE_S,
@@ -118,11 +114,8 @@ def pivots(
 
 def _known(found: Sequence[EpisodePivots], count: int) -> list[str]:
     """Lines of what a search that was interrupted knows."""
-    turns = {
-        each.episode: ", ".join(str(pivot.turn) for pivot in each.pivots) or "none"
-        for each in found
-    }
-    lines = [f"pivots of episode {number}: {turns[number]}" for number in sorted(turns)]
+    turns = {each.episode: [str(pivot.turn) for pivot in each.pivots] for each in found}
+    lines = [f"pivots of episode {k}: {', '.join(turns[k]) or 'none'}" for k in sorted(turns)]
     return [f"{len(found)} of {count} episodes were searched; a new call begins anew", *lines]
 
 
@@ -132,26 +125,11 @@ def episode_task(
     run: str,
     setup: Mapping[str, Any],
     contract: Any,
-    condition: str | None,
-    episode: int,
-    scope: str,
-    budget: int,
-    seed: int,
+    order: Mapping[str, Any],
 ) -> dict[str, Any]:
     """Looks for the pivots of one episode, in a worker process."""
-    declared = Contract.from_json(contract)
-    with OpenSetup(Setup.from_json(setup), declared) as open_setup:
-        found = _searched(
-            evidence_of(run),
-            open_setup,
-            episode,
-            scope,
-            condition,
-            budget=budget,
-            seed=seed,
-            report=report,
-        )
-    return found.to_json()
+    with OpenSetup(Setup.from_json(setup), Contract.from_json(contract)) as open_setup:
+        return _searched(evidence_of(run), open_setup, **order, report=report).to_json()
 
 
 def _failed_scopes(
@@ -189,22 +167,22 @@ def _chosen(evidence: Evidence, scopes: Mapping[int, str], episode: int | None) 
 def _searched(
     evidence: Evidence,
     open_setup: OpenSetup,
-    number: int,
+    *,
+    episode: int,
     scope: str,
     condition: str | None,
-    *,
     budget: int,
     seed: int,
     report: Callable[[], None] | None = None,
 ) -> EpisodePivots:
     """The pivots of one episode, once it has been replayed and is as it was recorded."""
     contract = open_setup.contract
-    episode = recorded_episode_of(evidence, open_setup, number)
-    play = Continuations(episode, budget=budget, on_step=report)
+    recorded = recorded_episode_of(evidence, open_setup, episode)
+    play = Continuations(recorded, budget=budget, on_step=report)
     conditions = failures(contract, condition)
 
     def is_success(outcome: Outcome) -> bool:
         return not failed(outcome, conditions, contract).get(scope, True)
 
     reference = reference_of(open_setup.env, contract)
-    return PivotSearch(play, is_success, reference, number, scope, seed).run()
+    return PivotSearch(play, is_success, reference, episode, scope, seed).run()

@@ -5,7 +5,6 @@ there are many; each is played twice from the same numbers, as it was and as cha
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from os import PathLike
@@ -23,7 +22,7 @@ from gamekeeper.errors import EvidenceError, GamekeeperError
 from gamekeeper.interface.policy import shared_with
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs import own_runs
-from gamekeeper.runs.consent import Consent, evidence_of
+from gamekeeper.runs.consent import evidence_of
 from gamekeeper.runs.expanding import OWN_RULES, whole_evidence
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.standing import choices_in
@@ -334,7 +333,8 @@ def _in_worker(
             actual=branch.policy,
             fix=f"start with --try {branch.policy}",
         )
-    consent = _consent(evidence, setup, options, chosen)
+    allow, named = options.allow_import, options.policies
+    consent = consent_to(evidence, setup, policies=named, allow_import=allow, tried=chosen)
     arguments = {
         "kind": kind,
         "run": str(evidence.path),
@@ -367,26 +367,13 @@ def check_consent(run: str | PathLike[str] | Evidence, options: PlayOnOptions) -
     Raises:
         TrustError: it names code that nobody allowed to run.
     """
-    evidence = evidence_of(run)
+    evidence, named, allow = evidence_of(run), options.policies, options.allow_import
     try:
-        setup = setup_of(evidence, policies=options.policies)
+        setup = setup_of(evidence, policies=named)
     except GamekeeperError:  # it can't be played on: said where that is asked for
         return
-    with _consent(evidence, setup, options, options.tried):
+    with consent_to(evidence, setup, policies=named, allow_import=allow, tried=options.tried):
         return
-
-
-def _consent(
-    evidence: Evidence, setup: Setup, options: PlayOnOptions, chosen: Sequence[str]
-) -> AbstractContextManager[Consent]:
-    return consent_to(
-        evidence,
-        setup,
-        env=None,
-        policies=options.policies,
-        allow_import=options.allow_import,
-        tried=chosen,
-    )
 
 
 def _setup(evidence: Evidence, branch: BranchPoint, options: PlayOnOptions) -> Setup:

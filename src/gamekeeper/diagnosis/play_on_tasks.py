@@ -160,8 +160,16 @@ def _held(play: Continuations, point: BranchPoint) -> tuple[dict[Any, Any], dict
     recorded = dict(episode.actions[turn])
     agent = next((each for each in recorded if agent_name(each) == point.agent), None)
     if point.policy is not None:
-        _check_known(episode, point)
-        return {}, {}
+        agents = {agent_name(agent) for turn in episode.actions for agent in turn}
+        if point.agent in agents:
+            return {}, {}
+        raise EvidenceError(
+            f"{point.agent} acts nowhere in this episode",
+            where=f"episode {point.episode}",
+            expected=", ".join(sorted(agents)),
+            actual=point.agent,
+            fix="choose one of these",
+        )
     if agent is None or recorded[agent] is None:
         raise EvidenceError(
             f"{point.agent} doesn't act at turn {turn}",
@@ -176,18 +184,6 @@ def _held(play: Continuations, point: BranchPoint) -> tuple[dict[Any, Any], dict
     if not allows(episode.env.action_space(agent), mask, action):
         raise _illegal(point, "an action that the mask allows")
     return {**recorded, agent: action}, recorded
-
-
-def _check_known(episode: RecordedEpisode, point: BranchPoint) -> None:
-    agents = {agent_name(agent) for turn in episode.actions for agent in turn}
-    if point.agent not in agents:
-        raise EvidenceError(
-            f"{point.agent} acts nowhere in this episode",
-            where=f"episode {point.episode}",
-            expected=", ".join(sorted(agents)),
-            actual=point.agent,
-            fix="choose one of these",
-        )
 
 
 def _action(episode: RecordedEpisode, agent: Any, point: BranchPoint, recorded: Any) -> Any:

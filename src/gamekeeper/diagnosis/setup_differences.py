@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, Final, Literal
 
 from gamekeeper.contract import Contract
@@ -127,10 +128,7 @@ def _of_policies(
 
 def taken_over(bad: Setup, good: Setup, differences: Iterable[SetupDifference]) -> Setup:
     """The bad set-up with some differences as the good one has them."""
-    found = bad
-    for each in differences:
-        found = _taken(found, good, each)
-    return found
+    return reduce(lambda setup, each: _taken(setup, good, each), differences, bad)
 
 
 def _taken(setup: Setup, good: Setup, one: SetupDifference) -> Setup:

@@ -11,7 +11,6 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.open_setup import recorder_of
 from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import TEAM, failed, failures
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.identity import spec_of
@@ -98,8 +97,7 @@ def shrunk(
         consented(evidence, doing="playing this run again", env=env, allow_import=allow_import),
         closing((opened := _opened(evidence, env)).env),
     ):
-        search = _Search(evidence, episode, declared, failed, scope, opened.env)
-        search.on_message = on_message
+        search = _Search(evidence, episode, declared, failed, scope, opened.env, on_message)
         play = shrink(search.play, search.still, plain=search.noops)
         play = perform(play, opened.env, contract=declared).play  # with a whole script
         found = search.result(play, episode)
@@ -119,6 +117,7 @@ class _Search:
         condition: str | None,
         scope: str | None,
         env: Any,
+        on_message: Callable[[dict[str, Any]], None] | None,
     ) -> None:
         recorded = evidence.episode(episode)
         self._contract, self._env, self._left = contract, env, TRIES
@@ -138,13 +137,10 @@ class _Search:
                 fix="`gamekeeper replay` says whether the run replays at all",
             )
         self.scope, self.whole = scope or failing[0], whole
-        names = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
-        self.noops = {
-            agent: noop
-            for agent, name in zip(getattr(env, "possible_agents", ()), names, strict=True)
-            if (noop := contract.noop_of(name)) is not None
-        }
-        self.on_message: Callable[[dict[str, Any]], None] | None = None
+        agents = getattr(env, "possible_agents", ())
+        found = {agent: contract.noop_of(agent) for agent in agents}
+        self.noops = {agent: noop for agent, noop in found.items() if noop is not None}
+        self.on_message = on_message
 
     def still(self, play: EpisodePlan) -> bool:
         """Tells whether a shorter episode fails too, and ends as the whole one does."""

@@ -354,10 +354,8 @@ def _of_group(
 ) -> Iterator[Candidate]:
     known = [responses[agent] for agent in group if agent in responses]
     tests = [each for each in known if each.is_repeatable]
-    observed, acted = (
-        observation_space(open_setup.env, group[0]),
-        action_space(open_setup.env, group[0]),
-    )
+    env, first = open_setup.env, group[0]
+    observed, acted = observation_space(env, first), action_space(env, first)
     slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
     patient = [max((x for x in each.lasting if x <= MOST_LAG), default=0) for each in tests]
     lags = [*slowest, *patient, *(each.lag or 0 for each in tests)]
@@ -367,8 +365,8 @@ def _of_group(
     own = [each for agent in group for each in seen.get(agent, ())]
     deaf = frozenset.intersection(*(frozenset(each.deaf) for each in tests)) if tests else NONE
     if observed is not None:
-        fields = observed_fields(open_setup.contract, group[0], observed)
-        alike = [a for a in seen if str(observation_space(open_setup.env, a)) == str(observed)]
+        fields = observed_fields(open_setup.contract, first, observed)
+        alike = [a for a in seen if str(observation_space(env, a)) == str(observed)]
         known = [each for agent in alike for each in seen[agent]]
         for tier, undo in observation_undos(group, fields, NONE if is_still else deaf):
             # what was recorded may lie beyond what it reacts to: in another field, or in its scale

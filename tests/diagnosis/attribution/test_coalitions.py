@@ -11,7 +11,6 @@ from hypothesis.extra.numpy import arrays
 from gamekeeper.diagnosis.attribution.agent_measures import (
     MOST_EXACT,
     everyone,
-    orders,
     prefixes,
     shapley_exact,
     shapley_of_orders,
@@ -95,6 +94,6 @@ def test_wanted_has_everybody_but_one(players) -> None:
 
 def test_orders_are_a_draw_and_its_reverse() -> None:
     """Antithetic: who comes first in one comes last in the other."""
-    one, two = orders(9, rng=np.random.default_rng(1))
+    _, (one, two) = wanted(9, rng=np.random.default_rng(1))
     assert (one, sorted(one)) == (two[::-1], list(range(9)))
     assert [mask.bit_count() for mask in prefixes(one)] == list(range(10))

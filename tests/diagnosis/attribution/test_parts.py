@@ -1,6 +1,8 @@
 """The pure parts of an attribution, and who plays on which side."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -221,7 +223,14 @@ def test_who_joins_late_is_on_the_side_of_whom_it_follows(gone, members, side) -
     """The one of its role who left last; where nobody left, most of its role."""
     env = _Roster()
     players = ["a_0", "a_1", "b_0"]
-    sides = Sides(_Names("own"), _Names("baseline"), members, players, ["c_0"], lambda a: a[0], env)
+    runner: Any = SimpleNamespace(
+        joint_policy=_Names("own"),
+        baseline=_Names("baseline"),
+        task=SimpleNamespace(players=players, others=["c_0"]),
+        role_of=lambda a: a[0],
+        env=env,
+    )
+    sides = Sides(runner, members)
     sides.begin(0, 0)
     for agent in players:
         expected = "own" if agent in members else "baseline"

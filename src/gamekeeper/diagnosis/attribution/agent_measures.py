@@ -5,7 +5,7 @@ Pure; nothing is played here.
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import factorial
 from typing import Any, Final, Literal
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gamekeeper.checks.effects import influence_rows
 from gamekeeper.diagnosis.attribution.message_influence import Talk
 from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.episodes.plain_json import fields_json, plain
 from gamekeeper.episodes.row_tables import html_table, text_lines
 from gamekeeper.episodes.summary import Summary
 from gamekeeper.statistics.paired import FEWEST, paired_effect
@@ -88,23 +89,24 @@ class Own:
 
 def own_rewards(summary: Summary, outcomes: Iterable[Outcome]) -> dict[str, Own]:
     """Each agent's rewards, idle turns and share of the team's return."""
-    sums: dict[str, dict[str, float]] = {}
-    episodes: dict[str, int] = {}
-    for outcome in outcomes:
-        for agent in outcome.returns:
-            episodes[agent] = episodes.get(agent, 0) + 1
-            mine = sums.setdefault(agent, {})
-            for term, value in outcome.terms.get(agent, {}).items():
-                mine[term] = mine.get(term, 0.0) + value
+    terms = mean_terms({a: each.terms.get(a, {}) for a in each.returns} for each in outcomes)
     return {
-        agent: Own(
-            value=of.return_mean,
-            terms={t: value / episodes[agent] for t, value in sums.get(agent, {}).items()},
-            share=of.share,
-            idle=of.idle,
-        )
+        agent: Own(of.return_mean, terms.get(agent, {}), of.share, of.idle)
         for agent, of in summary.agents.items()
     }
+
+
+def mean_terms(
+    episodes: Iterable[Mapping[str, Mapping[str, float]]],
+) -> dict[str, dict[str, float]]:
+    """Each agent's rewards by term, on average over the episodes that have it."""
+    counts: Counter[str] = Counter()
+    sums: dict[str, Counter[Any]] = {}
+    for each in episodes:
+        for agent, terms in each.items():
+            counts[agent] += 1
+            sums.setdefault(agent, Counter()).update(terms)
+    return {agent: {t: x / counts[agent] for t, x in mine.items()} for agent, mine in sums.items()}
 
 
 PART: Final = 0.5
@@ -247,17 +249,9 @@ class Penalty:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "agent": self.agent,
-            "term": self.term,
-            "p": self.wrong.p,
-            "low": self.wrong.low,
-            "high": self.wrong.high,
-            "n": self.wrong.n,
-            "unknown": self.unknown,
-            "by": dict(self.by),
-            "first": None if self.first is None else dict(self.first),
-        }
+        found = fields_json(self)
+        share = found.pop("wrong")
+        return {**found, **share}
 
 
 def penalties(scans: Iterable[Mapping[str, Any]]) -> list[Penalty]:
@@ -273,10 +267,7 @@ def penalties(scans: Iterable[Mapping[str, Any]]) -> list[Penalty]:
 def _of(agent: str, term: str, looks: list[Mapping[str, Any]]) -> Penalty:
     told = [look for look in looks if look["causers"]]
     wrong = [look for look in told if agent not in look["causers"]]
-    by: dict[str, int] = {}
-    for look in wrong:
-        for name in look["causers"]:
-            by[name] = by.get(name, 0) + 1
+    by = Counter(name for look in wrong for name in look["causers"])
     first = min(wrong, key=lambda look: (look["episode"], look["turn"]), default=None)
     keys = ("episode", "seed", "turn", "paid", "causers")
     return Penalty(
@@ -337,12 +328,6 @@ def shapley_exact(values: FloatArray) -> FloatArray:
     return found
 
 
-def orders(players: int, *, rng: Generator) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """A random order of the players and its reverse, which evens out the chance of the first."""
-    drawn = tuple(rng.permutation(players).tolist())
-    return drawn, drawn[::-1]
-
-
 def prefixes(order: Sequence[int]) -> list[int]:
     """The coalitions of a team that is put together in this order, from none to all."""
     found = [0]
@@ -383,12 +368,13 @@ def everyone(players: int) -> int:
 def wanted(players: int, *, rng: Generator) -> tuple[list[int], tuple[tuple[int, ...], ...]]:
     """The coalitions to be played in one episode, and the orders where they are sampled.
 
-    All of them up to `MOST_EXACT` players. Beyond that those of an order and its reverse, and
-    everybody but one, for the difference rewards.
+    All of them up to `MOST_EXACT` players. Beyond that those of an order and its reverse, which
+    evens out the chance of the first, and everybody but one, for the difference rewards.
     """
     if players <= MOST_EXACT:
         return list(range(1 << players)), ()
-    drawn = orders(players, rng=rng)
+    order = tuple(rng.permutation(players).tolist())
+    drawn = order, order[::-1]
     whole = everyone(players)
     masks = {mask for order in drawn for mask in prefixes(order)}
     masks |= {whole & ~(1 << player) for player in range(players)}
@@ -423,9 +409,9 @@ class AgentPart:
         """Plain data."""
         return {
             **self.own.to_json(),
-            "difference": _json(self.difference),
-            "turn": {"all": _json(self.turn_all), "one": _json(self.turn_one)},
-            "shapley": _json(self.shapley),
+            "difference": plain(self.difference),
+            "turn": {"all": plain(self.turn_all), "one": plain(self.turn_one)},
+            "shapley": plain(self.shapley),
             "lazy": self.laziness.is_lazy,
             "lazy_why": self.laziness.why,
             "fair_share": self.laziness.fair,
@@ -499,19 +485,10 @@ class Attribution:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper attribute --json` prints."""
-        counts = ("episodes", "fresh", "reused", "steps", "budget", "recorded", "replayed")
-        return {
-            **{
-                name: getattr(self, name) for name in ("run", *counts, "loop", "baseline", "rivals")
-            },
-            "policies": dict(self.policies),
-            "team": {"all": self.everyone, "none": self.nobody, "shapley": self.method},
-            "agents": {name: part.to_json() for name, part in self.agents.items()},
-            "influence": [dict(row) for row in self.influence],
-            "messages": [each.to_json() for each in self.messages],
-            "penalties": [each.to_json() for each in self.penalties],
-            "not_tested": [dict(each) for each in self.not_tested],
-        }
+        found = fields_json(self)
+        names = {"all": "everyone", "none": "nobody", "shapley": "method"}
+        team = {name: found.pop(own) for name, own in names.items()}
+        return {**found, "team": team}
 
     def rows(self) -> list[list[str]]:
         """A heading and a row for each agent, as texts."""
@@ -548,7 +525,3 @@ def _shown(part: Measured | None) -> str:
     if part.low is None or part.high is None:
         return f"{part.value:.3f} (n = {part.n})"
     return f"{part.value:.3f} ({part.low:.3f} to {part.high:.3f})"
-
-
-def _json(part: Measured | None) -> dict[str, Any] | None:
-    return None if part is None else asdict(part)

@@ -6,6 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final, TypeAlias
@@ -57,30 +58,25 @@ def scan(runner: ReplacementRunner, script: EpisodeActions, *, seed: int) -> dic
     rng = np.random.default_rng([seed, script.number, script.run == "fresh"])
     base = runner.from_script(script, sees=True)
     noise = first_difference(base, runner.from_script(script, sees=True))
-    agents = list(base.actions)
-    if len(agents) > MOST_AGENTS:
-        agents = [agents[k] for k in sorted(rng.permutation(len(agents))[:MOST_AGENTS].tolist())]
-    found: dict[str, Any] = {
+    agents = _drawn(list(base.actions), MOST_AGENTS, rng)
+    told, whole = base.info_terms, base.team_return()
+    idle = {agent: runner.from_script(script, Swap(agent, None, "noop")) for agent in agents}
+    return {  # drawn from top to bottom
         "number": script.number,
         "run": script.run,
-        "seed": script.seed,
-        "return": base.team_return(),
+        "return": whole,
         "noise": noise,
-        "left_script": base.left_script,
+        "all": {agent: whole - track.team_return() for agent, track in idle.items()},
+        "one": {
+            agent: float(np.mean(gains))
+            for agent in agents
+            if (gains := list(_single(runner, script, base, agent, rng)))
+        },
+        "influence": _influence(runner, script, base, agents, noise, rng),
+        "penalties": _penalties(runner, script, base, noise, rng),
+        "terms": {agent: _sums(base, agent) for agent in base.actions} if base.has_terms else {},
+        "untold": None if told is None or told.hold else sorted(told.declared - told.found),
     }
-    idle = {agent: runner.from_script(script, Swap(agent, None, "noop")) for agent in agents}
-    found["all"] = {a: base.team_return() - track.team_return() for a, track in idle.items()}
-    found["one"] = {
-        agent: float(np.mean(gains))
-        for agent in agents
-        if (gains := list(_single(runner, script, base, agent, rng)))
-    }
-    found["influence"] = _influence(runner, script, base, agents, noise, rng)
-    found["penalties"] = _penalties(runner, script, base, noise, rng)
-    found["terms"] = {agent: _sums(base, agent) for agent in base.actions} if base.has_terms else {}
-    told = base.info_terms
-    found["untold"] = None if told is None or told.hold else sorted(told.declared - told.found)
-    return found
 
 
 def _sums(track: ActionTrack, agent: str) -> dict[str, float]:
@@ -93,10 +89,9 @@ def _sums(track: ActionTrack, agent: str) -> dict[str, float]:
 
 def first_difference(one: ActionTrack, two: ActionTrack) -> int | None:
     """The first turn at which two tracks of the same thing differ; None: nowhere."""
-    for turn in range(max(len(one.rewards), len(two.rewards))):
-        if turn >= len(one.rewards) or turn >= len(two.rewards):
-            return turn
-        if one.rewards[turn] != two.rewards[turn] or one.ended[turn] != two.ended[turn]:
+    steps = (zip(each.rewards, each.ended, strict=True) for each in (one, two))
+    for turn, (was, now) in enumerate(zip_longest(*steps)):
+        if was != now:
             return turn
     keys = [k for k in one.given.keys() | two.given.keys() if one.given.get(k) != two.given.get(k)]
     return min((turn for turn, _ in keys), default=None)
@@ -114,9 +109,8 @@ def _single(
     """Loss of the team where one action is replaced by the noop."""
     active = [turn for turn, name, is_noop in base.moves if name == agent and not is_noop]
     for turn in _drawn(active, ONE, rng):
-        yield (
-            base.team_return() - runner.from_script(script, Swap(agent, turn, "noop")).team_return()
-        )
+        track = runner.from_script(script, Swap(agent, turn, "noop"))
+        yield base.team_return() - track.team_return()
 
 
 def _influence(
@@ -196,11 +190,8 @@ def _penalties(
             "agent": agent,
             "turn": turn,
             "seed": script.seed,
-            "paid": costs[turn][agent][term],
-            "of": len(turns),
-            "causers": _causers(
-                runner, script, base, (term, agent, turn), costs[turn][agent][term]
-            ),
+            "paid": (cost := costs[turn][agent][term]),
+            "causers": _causers(runner, script, base, (term, agent, turn), cost),
         }
         for (term, agent), turns in paid.items()
         for turn in _drawn(turns, PENALTIES, rng)
@@ -346,9 +337,8 @@ def gather(
         RunError: the file is another attribution's, or damaged.
         KeyboardInterrupt: by Ctrl-C; its notes say what was kept.
     """
-    wanted = {("closed", number) for number in range(closed)}
-    wanted |= {("recorded", script.number) for script in scripts}
-    wanted |= {("fresh", number) for number in range(fresh)}
+    units = _in_turn(scripts, closed, fresh)
+    wanted = {unit[:2] for unit in units}
     found, lock = ContributionData(), Lock()
     if notes is not None:
         _take_noted(found, notes, head or {}, wanted)
@@ -363,7 +353,6 @@ def gather(
         if on_message is not None:
             on_message({"episode": done, "episodes": len(wanted)})
 
-    units = _in_turn(scripts, closed, fresh)
     with noted_if_interrupted(lambda: _kept(found, len(wanted), notes)):
         for share in _rounds(units, found, budget):
             left = [unit for unit in share if unit[:2] not in known]
@@ -507,7 +496,7 @@ def share_task(
     task: Mapping[str, Any],
     kind: str,
     number: int,
-    script: Mapping[str, Any] | None,
+    script: str | None,
 ) -> dict[str, Any]:
     """Plays a unit of work in this process; returns what came of it."""
 

@@ -1,6 +1,5 @@
 """The front of attribution: a recorded run in, every agent's part out."""
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -24,6 +23,7 @@ from gamekeeper.diagnosis.attribution.agent_measures import (
     harms,
     influence,
     laziness,
+    mean_terms,
     measured,
     own_rewards,
     penalties,
@@ -252,13 +252,8 @@ def _with_terms(owns: Mapping[str, Own], found: ContributionData, episodes: int)
     told = [scan["terms"] for scan in found.scans if scan["run"] == "recorded" and scan["terms"]]
     if len(told) < episodes or any(own.terms for own in owns.values()):
         return dict(owns)
-    sums: dict[str, Counter[str]] = {name: Counter() for name in owns}
-    counts = Counter(name for by_agent in told for name in by_agent)
-    for by_agent in told:
-        for name, terms in by_agent.items():
-            sums[name].update(terms)
-    means = {name: {term: x / counts[name] for term, x in sums[name].items()} for name in owns}
-    return {name: replace(own, terms=means[name]) for name, own in owns.items()}
+    means = mean_terms(told)
+    return {name: replace(own, terms=means.get(name, {})) for name, own in owns.items()}
 
 
 def _closed(

@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.random import Generator
@@ -34,17 +34,21 @@ STRANGE: Final = 1_000_003
 """Added to an episode's number: the episode that lends its messages."""
 
 
+Told: TypeAlias = tuple[int, str, tuple[ValuePart, ...], Any]
+"""Turn, agent, parts of its observation, and another observation that they are taken from."""
+
+
 @dataclass(slots=True)
 class Hearing(ActionTrack):
     """A track that keeps what was given as it was, and may show an agent another message.
 
     Attributes:
         seen: what was given, by turn and agent.
-        told: at a turn, to an agent, these parts as they are in another observation.
+        told: the message that an agent is shown in place of its own.
     """
 
     seen: dict[tuple[int, str], Any] = field(default_factory=dict)
-    told: tuple[int, str, tuple[ValuePart, ...], Any] | None = None
+    told: Told | None = None
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         """Action of an agent, after another message where that is to be."""
@@ -186,27 +190,17 @@ def listened(
     if not listeners or runner.joint_policy is None:
         return
     rng = np.random.default_rng([seed, script.number, 3])
-    base, strange = (
-        runner.reacting(
-            Hearing(runner.env, runner.contract, joint_policy=runner.joint_policy), number
-        )
-        for number in (script.number, script.number + STRANGE)
-    )
+
+    def heard(number: int, turns: int | None = None, told: Told | None = None) -> Hearing:
+        policy = runner.joint_policy
+        track = Hearing(runner.env, runner.contract, joint_policy=policy, told=told)
+        return runner.reacting(track, number, turns=turns)
+
+    base, strange = heard(script.number), heard(script.number + STRANGE)
     for name, parts in listeners:
         for turn, other in _pairs(base, strange, name, parts, rng):
-            told, same = (
-                runner.reacting(
-                    Hearing(
-                        runner.env,
-                        runner.contract,
-                        joint_policy=runner.joint_policy,
-                        told=(turn, name, parts, x),
-                    ),
-                    script.number,
-                    turns=turn + 1,
-                )
-                for x in (other, base.seen[turn, name])
-            )
+            shown = ((turn, name, parts, x) for x in (other, base.seen[turn, name]))
+            told, same = (heard(script.number, turn + 1, each) for each in shown)
             was = _decision(base, name, turn)
             yield {
                 "to": name,

@@ -122,7 +122,6 @@ class ActionTrack:
         info_terms: declared terms in infos, where the environment tells terms nowhere else.
         ended: the agents that had ended, after each step.
         left_script: decisions that had to follow the rule for illegal or missing actions.
-        swapped: decisions that were made otherwise.
     """
 
     env: Any
@@ -141,7 +140,6 @@ class ActionTrack:
     info_terms: InfoTerms | None = None
     ended: list[frozenset[str]] = field(default_factory=list)
     left_script: int = 0
-    swapped: int = 0
     turn: int = 0
     _choosers: dict[str, Chooser] = field(default_factory=dict)
     _gone: frozenset[str] = frozenset()
@@ -167,7 +165,11 @@ class ActionTrack:
         action = self._own_action(chooser, agent, observation, info, len(mine))
         swap = self.swap
         if swap is not None and swap.agent == name and swap.turn in (None, self.turn):
-            action, self.swapped = self._otherwise(chooser, action, observation, info), 1
+            if swap.instead == "noop":
+                action = chooser.nothing(observation, info)
+            else:
+                assert self.rng is not None, "another action has to be drawn"
+                action = chooser.other(action, observation, info, self.rng)
         mine.append(own_action(action))
         self.moves.append((self.turn, name, chooser.is_noop(action)))
         return action
@@ -181,12 +183,6 @@ class ActionTrack:
             return own_action(written[count])  # whoever overwrites it spoils no later track
         self.left_script += 1
         return chooser.nothing(seen, info)
-
-    def _otherwise(self, chooser: Chooser, action: Any, seen: Any, info: Any) -> Any:
-        if self.swap is not None and self.swap.instead == "noop":
-            return chooser.nothing(seen, info)
-        assert self.rng is not None, "another action has to be drawn"
-        return chooser.other(action, seen, info, self.rng)
 
     # -- the watch
 

@@ -35,20 +35,12 @@ class Sides:
     has left, on the side of most of them, that of the policies where they are equal.
     """
 
-    def __init__(
-        self,
-        own: ActionChooser,
-        baseline: ActionChooser,
-        members: Collection[str],
-        players: Collection[str],
-        others: Collection[str],
-        role_of: Callable[[AgentId], str | None],
-        env: Any,
-    ) -> None:
-        self._own, self._baseline = own, baseline
-        self._start = {player: player in members for player in players}
-        self._start |= dict.fromkeys(others, True)
-        self._role_of, self._env = role_of, env
+    def __init__(self, runner: ReplacementRunner, members: Collection[str]) -> None:
+        self._own: ActionChooser = runner.joint_policy
+        self._baseline: ActionChooser = runner.baseline
+        self._start = {player: player in members for player in runner.task.players}
+        self._start |= dict.fromkeys(runner.task.others, True)
+        self._role_of, self._env = runner.role_of, runner.env
         self._side: dict[str, bool] = {}
         self._last: dict[str, int] = {}
         self._decisions = 0
@@ -159,28 +151,16 @@ class ReplacementRunner(OpenSetup):
 
     def closed(self, number: int, members: Collection[str]) -> ActionTrack:
         """A fresh episode in which `members` play their policies and the others the baseline."""
-        task = self.task
-        joint_policy: ActionChooser = self.joint_policy
-        if len(members) < len(task.players):
-            joint_policy = Sides(
-                joint_policy,
-                self.baseline,
-                members,
-                task.players,
-                task.others,
-                self.role_of,
-                self.env,
-            )
+        is_whole = len(members) == len(self.task.players)
+        joint_policy = self.joint_policy if is_whole else Sides(self, members)
         track = ActionTrack(self.env, self.contract, joint_policy=joint_policy, counts=True)
         return self._tracked(track, self._fresh(number))
 
     def fresh(self, number: int) -> EpisodeActions:
         """Actions of all agents in a fresh episode."""
         play = self._fresh(number)
-        track = self._tracked(
-            ActionTrack(self.env, self.contract, joint_policy=self.joint_policy), play
-        )
-        turns = len(track.rewards)
+        track = ActionTrack(self.env, self.contract, joint_policy=self.joint_policy)
+        turns = len(self._tracked(track, play).rewards)
         return EpisodeActions(play.seed, play.options, turns, track.actions, number, "fresh")
 
     def from_script(
@@ -258,13 +238,17 @@ class ReplacementRunner(OpenSetup):
         return replace(self.plan(self.task.run_seed, number), asks_last=False)
 
     def _open_baseline(self) -> Any:
-        """The policies that take agents' places.
+        """The policies that take agents' places; of those who join late that of their role's first.
 
         Raises:
             PolicyError: the environment has no such policy.
         """
+        found = dict(self.task.baseline)
+        for agent in getattr(self.env, "possible_agents", ()):
+            peers = [x for x in self.task.players if self.role_of(x) == self.role_of(agent)]
+            found.setdefault(agent_name(agent), found[peers[0]] if peers else "random")
         try:
-            return joint_policy_of(self._baseline(), self.env, self.contract)
+            return joint_policy_of(found, self.env, self.contract)
         except PolicyError as error:
             raise PolicyError(
                 error.what,
@@ -274,30 +258,14 @@ class ReplacementRunner(OpenSetup):
                 fix="take --baseline noop or --baseline random",
             ) from error
 
-    def _baseline(self) -> dict[str, str]:
-        """Baselines of the players; for those who join late that of their role's first."""
-        found = dict(self.task.baseline)
-        for agent in getattr(self.env, "possible_agents", ()):
-            role = self.role_of(agent)
-            peers = [name for name in self.task.players if self.role_of(name) == role]
-            if agent_name(agent) not in found:
-                found[agent_name(agent)] = found[peers[0]] if peers else "random"
-        return found
+
+def script_to_json(script: EpisodeActions) -> str:
+    """A script as text, its actions in their very types."""
+    actions = {agent: list(mine) for agent, mine in script.actions.items()}
+    return to_json([script.seed, script.options, script.turns, actions, script.number, script.run])
 
 
-def script_to_json(script: EpisodeActions) -> dict[str, Any]:
-    """A script as plain data, its actions in their very types."""
-    given = [
-        script.seed,
-        script.options,
-        script.turns,
-        {a: list(x) for a, x in script.actions.items()},
-    ]
-    return {"given": to_json(given), "number": script.number, "run": script.run}
-
-
-def script_from_json(data: Mapping[str, Any]) -> EpisodeActions:
+def script_from_json(text: str) -> EpisodeActions:
     """Inverse of `script_to_json`."""
-    given: Any = from_json(data["given"])
-    seed, options, turns, actions = given
-    return EpisodeActions(seed, options, turns, actions, data["number"], data["run"])
+    given: Any = from_json(text)
+    return EpisodeActions(*given)
