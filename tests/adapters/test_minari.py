@@ -373,7 +373,7 @@ def test_data_sets_grow_part_by_part(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_command_writes_and_reads_data_sets(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`export RUN --to minari`, then `export minari:ID --to run`; what exists stays."""
+    """`export RUN --to minari`, then `import minari:ID`; what exists stays."""
     run, data = tmp_path / "demo", tmp_path / "data"
     gk.rollout("two_robot_line", episodes=2, out=run)
     code, found = document(capfd, "export", run, "--to", "minari", "--out", data)
@@ -382,7 +382,7 @@ def test_command_writes_and_reads_data_sets(
     assert said(capfd, "export", run, "--to", "minari", "--out", data)[0] == 2
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(data))
     back = tmp_path / "back"
-    code, found = document(capfd, "export", f"minari:{names[2]}", "--to", "run", "--out", back)
+    code, found = document(capfd, "import", f"minari:{names[2]}", "--out", back)
     assert (code, found["status"], found["imported"]["dataset_id"]) == (0, "finalized", names[2])
     returns, again = (
         {

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import gamekeeper as gk
 from gamekeeper.runs.files.notes import read_notes
 from tests.cli.lines import document, said
 
@@ -32,6 +33,20 @@ def test_report_takes_runs_and_a_title(
     page = out.read_text(encoding="utf-8")
     assert "<title>Two &amp; more</title>" in page
     assert "rough compared with line" in page
+
+
+def test_report_expands_a_small_run(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With --expand a run of level actions is shown in full; without, no environment is run."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    run, page = tmp_path / "small", tmp_path / "page.html"
+    gk.rollout("two_robot_line", episodes=1, level="actions", out=run)
+    assert said(capsys, "report", run, "--out", page)[0] == 0
+    assert "played again in full" not in page.read_text(encoding="utf-8")
+    assert not (tmp_path / "cache").exists()
+    assert said(capsys, "report", run, "--out", page, "--expand")[0] == 0
+    assert "played again in full" in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

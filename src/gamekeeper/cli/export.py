@@ -1,4 +1,4 @@
-"""`gamekeeper export RUN --to FORM`: runs as data sets of other libraries, and back."""
+"""`gamekeeper export RUN --to FORM`: runs as data sets of other libraries."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ if TYPE_CHECKING:
 ORDER: Final = 120
 GROUP: Final = "gamekeeper.exporters"
 PACKAGE: Final = "gamekeeper.adapters.exporters"
-RUN: Final = "run"
 
 
 def command(
     screen: Screen, run: str, to: str, out: Path | None = None, agent: list[str] | None = None
 ) -> CommandResult:
-    """Exports a run as NumPy arrays, Minari data sets or a Rerun recording, or imports Minari's.
+    """Exports a run as NumPy arrays, Minari data sets or a Rerun recording.
 
     Columns that the other form can't hold are listed on stderr and in the JSON document. An
     earlier file is overwritten. `gamekeeper list exporters` names the forms.
@@ -32,19 +31,16 @@ def command(
     Args:
         run (RUN|FORM:DATA): Folder of a recorded run; or data of another form: minari:ID,
             minari:FOLDER.
-        to (--to FORM): Form to write: numpy, minari, rerun, one of an installed package, or run to
-            make a run of FORM:DATA (required).
+        to (--to FORM): Form to write: numpy, minari, rerun, or one of an installed package
+            (required).
         out (--out PATH): File or folder to write (required; for minari the folder of its data sets,
             default: the one that MINARI_DATASETS_PATH names).
-        agent (--agent AGENT): Agent to export. Repeatable (default: all agents). With --to run, the
-            name that the data's only agent gets.
+        agent (--agent AGENT): Agent to export. Repeatable (default: all agents).
     """
     forms = found()
-    source = _source(run, forms.found)
-    if to == RUN:
-        return _run_files(screen, run, source, out, agent)
+    source = source_of(run, forms.found)
     if to not in forms.found:
-        raise _unknown("--to", to, [*forms.found, RUN])
+        raise _unknown("--to", to, [*forms.found])
     form: Any = forms.found[to]
     write: Callable[..., Any] = getattr(form, "export", form)
     evidence = Path(run) if source is None else source[0](source[1])
@@ -60,7 +56,7 @@ def found() -> Plugins:
     return plugins.load(GROUP, PACKAGE)
 
 
-def _source(run: str, forms: Mapping[str, object]) -> tuple[Callable[..., Evidence], str] | None:
+def source_of(run: str, forms: Mapping[str, object]) -> tuple[Callable[..., Evidence], str] | None:
     """Returns the reader of `FORM:DATA`, and the data; None where `run` is a folder.
 
     Raises:
@@ -73,54 +69,6 @@ def _source(run: str, forms: Mapping[str, object]) -> tuple[Callable[..., Eviden
     if form not in readers:
         raise _unknown("RUN", f"{form}:", [f"{name}:" for name in readers])
     return readers[form], data
-
-
-def _run_files(
-    screen: Screen,
-    run: str,
-    source: tuple[Callable[..., Evidence], str] | None,
-    out: Path | None,
-    agent: list[str] | None,
-) -> CommandResult:
-    from gamekeeper.reporting.results_text import counted, digests_text, summary_text
-
-    if source is None:
-        raise GamekeeperError(
-            "this is a run already",
-            where="--to run",
-            expected="FORM:DATA",
-            actual=run,
-            fix="copy its folder; minari:ID reads a data set",
-        )
-    if out is None:
-        raise GamekeeperError(
-            "a folder for the run is missing", where="--out", fix="--out runs/imported"
-        )
-    if agent is not None and len(agent) > 1:
-        raise GamekeeperError(
-            "the data has one agent",
-            where="--agent",
-            actual=", ".join(agent),
-            fix=f"--agent {agent[0]}",
-        )
-    read, data = source
-    evidence = read(data, out, **({} if agent is None else {"agent": agent[0]}))
-    imported = evidence.manifest["environment"].get("imported") or {}
-    for each in imported.get("lacks", ()):
-        screen.note(f"unknown: {each}")
-    api = str(evidence.manifest["environment"].get("api"))
-    screen.show(f"Imported  {counted(evidence.summary, api=api)}")
-    screen.show(summary_text(evidence.summary, width=screen.width))
-    screen.show(f"\nSaved in  {evidence.path}\n{digests_text(evidence)}")
-    return CommandResult(
-        {
-            **evidence.to_json(),
-            "to": RUN,
-            "path": str(evidence.path),
-            "status": evidence.manifest.get("status"),
-            "imported": dict(imported),
-        }
-    )
 
 
 def _unknown(where: str, seen: str, names: list[str]) -> GamekeeperError:

@@ -28,6 +28,8 @@ def command(
     budget: Annotated[float, Accepted(0.0)] = MEGABYTES,
     frames_budget: Annotated[float, Accepted(0.0)] = FRAMES_MEGABYTES,
     title: str | None = None,
+    expand: bool = False,
+    allow_import: bool = False,
     opens: bool = False,
 ) -> CommandResult:
     """Writes a report as one HTML file: structure, checks, agents, player, causes, provenance.
@@ -55,6 +57,8 @@ def command(
         budget (--budget MB): Size of all episodes together, in MB.
         frames_budget (--frames-budget MB): Size of recorded frames, in MB.
         title (--title TEXT): Title of the page (default: the name of the run).
+        expand (--expand): Play a run of level actions again, to show it in full; kept in your cache
+            folder.
         opens (--open): Open the page in the browser, where there is a display.
     """
     from gamekeeper.viewing.report_file import report
@@ -81,6 +85,8 @@ def command(
             budget_bytes=round(budget * MEGABYTE),
             frames_bytes=round(frames_budget * MEGABYTE),
             title=title,
+            expand=expand,
+            allow_import=allow_import,
         )
     size = written.stat().st_size
     screen.show(f"Report  {written}  ({size / MEGABYTE:.1f} MB)")

@@ -4,7 +4,8 @@ Counterfactuals that a diagnosis recorded beside a run are added. An existing fi
 only if it is a page too.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -14,6 +15,7 @@ import numpy as np
 from gamekeeper._version import __version__
 from gamekeeper.auditing.recorded_evidence import failed_rows
 from gamekeeper.diagnosis.labels import labels
+from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
@@ -39,6 +41,7 @@ from gamekeeper.reporting.page.episode_list import (
 )
 from gamekeeper.reporting.page.page_data import Page
 from gamekeeper.reporting.page.page_html import env_words, render
+from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.runs.files.folder import replace, system_error
 from gamekeeper.runs.load_run import load
 from gamekeeper.viewing.report_documents import Given, PathText, documents_of
@@ -46,7 +49,12 @@ from gamekeeper.viewing.report_packer import LETTERS, Packer, Pictures
 
 
 def opened(
-    path: str | PathLike[str], *, key: str, name: str | None = None, condition: str | None = None
+    path: str | PathLike[str],
+    *,
+    key: str,
+    name: str | None = None,
+    condition: str | None = None,
+    load: Callable[[Path], Evidence] = load,
 ) -> ShownRun:
     """Opens a run with its figures and labels.
 
@@ -55,6 +63,7 @@ def opened(
         key: its letter on the page.
         name: its name on the page; None: the folder's name.
         condition: under which an episode of the team failed, in place of the contract's.
+        load: reads the evidence of a folder.
     """
     folder = Path(path)
     return shown(
@@ -177,6 +186,8 @@ def report(
     budget_bytes: int = BUDGET_BYTES,
     frames_bytes: int = FRAMES_BYTES,
     title: str | None = None,
+    expand: bool = False,
+    allow_import: bool = False,
 ) -> Path:
     """Writes one self-contained HTML page about a run.
 
@@ -196,11 +207,14 @@ def report(
         budget_bytes: size of all episodes on the page; the others are only listed.
         frames_bytes: size of recorded frames.
         title: of the page; None: the name of the run.
+        expand: runs of level `actions` are played again, and shown in full.
+        allow_import: code that only such a run names may be imported for it.
     Returns:
         The file.
     Raises:
         RunError: a run is missing or damaged, or the file can't be written.
         EvidenceError: a document has another kind, or a named episode isn't in the run.
+        DivergenceError: a run that was to be expanded is played otherwise than recorded.
     """
     paths = [Path(run), *map(Path, others)]
     if len(paths) > len(LETTERS):
@@ -222,7 +236,8 @@ def report(
     told = documents.diagnosis or documents.pivots or {}
     condition = told.get("conditions", {}).get(TEAM)
     named = zip(LETTERS, paths, strict=False)
-    runs = [opened(path, key=key, condition=condition) for key, path in named]
+    reader = partial(whole_evidence, allow_import=allow_import) if expand else load
+    runs = [opened(path, key=key, condition=condition, load=reader) for key, path in named]
     page = _page(
         runs,
         documents,

@@ -285,7 +285,7 @@ def load(
         from minari.dataset.minari_dataset import MinariDataset
         from minari.dataset.minari_storage import MinariStorage
     except ImportError as error:
-        raise not_installed(error, "Minari", "minari", "--to minari") from error
+        raise not_installed(error, "Minari", "minari", "minari:") from error
     folder = _folder(fspath(data))
     with _reading(folder):
         raw = MinariStorage.read_raw_metadata(folder)
@@ -302,7 +302,7 @@ def load(
         try:
             dataset = MinariDataset(folder)
         except ImportError as error:  # h5py, or what its format needs
-            raise not_installed(error, "Minari", "minari", "--to minari") from error
+            raise not_installed(error, "Minari", "minari", "minari:") from error
     if not len(dataset):
         raise EvidenceError(
             "the data set has no episode", where=str(folder), fix="fetch it again, or another one"

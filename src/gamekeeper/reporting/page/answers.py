@@ -122,7 +122,7 @@ def _verified(run: ShownRun) -> Answer:
         return Answer("Evidence", text, "not compared", "warn", **link)
     text = f"Every file matches its checksum (root digest {root[:DIGITS]})"
     if run.evidence.manifest.get("expanded"):
-        text += "; recorded small, and played again in full by `gamekeeper expand`"
+        text += "; recorded small, and played again in full"
     return Answer("Evidence", f"{text}. This page replayed nothing.", "intact", "passed", **link)
 
 
