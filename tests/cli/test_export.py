@@ -69,10 +69,8 @@ def test_export_says_on_stderr_what_is_lost(
             ["RUN", "--to", "numpy", "--out", "x", "--agent", "wolf"],
             "the run has no agent called 'wolf'",
         ),
-        (["RUN", "--to", "run", "--out", "x"], "a run already"),
         (["nothing", "--to", "numpy", "--out", "x"], "there is no run here"),
         (["numpy:x.npz", "--to", "run", "--out", "x"], "nothing reads 'numpy:'"),
-        (["minari:a/b-v0", "--to", "run"], "a folder for the run is missing"),
         (["RUN"], "Missing option"),
     ],
 )
@@ -91,6 +89,30 @@ def test_export_refuses_what_makes_no_sense(
     assert (code, out) == (2, "")
     assert told in err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["RUN", "--out", "x"], "names no form of data"),
+        (["numpy:x.npz", "--out", "x"], "nothing reads 'numpy:'"),
+        (["minari:a/b-v0"], "Missing option"),
+    ],
+)
+def test_import_refuses_what_makes_no_sense(
+    words: list[str],
+    told: str,
+    line_run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Exit code 2, the reason on stderr, nothing on stdout or on disk."""
+    monkeypatch.chdir(tmp_path)
+    line = [str(line_run) if word == "RUN" else word for word in words]
+    code, out, err = said(capfd, "import", *line)
+    assert (code, out, list(tmp_path.iterdir())) == (2, "", [])
+    assert told in err
 
 
 def test_export_replaces_an_earlier_file_and_keeps_evidence(

@@ -21,7 +21,7 @@ class Owners:
     """For each pair of agents, how often an action of the first moved something of the second.
 
     Attributes:
-        agents: all that were in the game at the reset.
+        agents: all that were live at the reset.
         counts: by pair.
         trials: the first trial that moved it, by pair.
     """
@@ -55,7 +55,7 @@ class Owners:
 
 @dataclass(frozen=True, slots=True)
 class Doings:
-    """What replaced actions moved while all agents were in the game.
+    """Effects of replaced actions while all agents were live.
 
     Attributes:
         rewards: of the step.

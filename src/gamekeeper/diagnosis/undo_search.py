@@ -189,7 +189,7 @@ def _failing(experiment: Experiment) -> list[int]:
 
 
 def _restoring(experiment: Experiment) -> list[IdealSubstitute]:
-    """What restores success for the open scopes."""
+    """Undos that restore success for the open scopes."""
     scopes = experiment.open_scopes
     return [one for scope in scopes for one in experiment.finding(scope).substitutes]
 

@@ -83,7 +83,7 @@ class TalliedEpisode:
         self.capture, self.joint_policy, self._play = capture_of(env, sink=sink), joint_policy, play
         volatile = () if contract is None else contract.volatile_infos()
         is_parallel = isinstance(self.capture, ParallelCapture)
-        self.count = _Ticks(volatile) if is_parallel else _Turns(volatile)
+        self.count = _Ticks(volatile) if is_parallel else _TurnTally(volatile)
         self._loop = EpisodeLoop(
             play, self.capture, joint_policy, hooks, self.count, on_step or nothing, contract
         )
@@ -190,7 +190,7 @@ class _Ticks(_Count):
         self.seen.update(dict.fromkeys(infos, turn))
 
 
-class _Turns(_Count):
+class _TurnTally(_Count):
     """Tally of an AEC environment: rewards since an agent acted count when it is in turn."""
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:

@@ -140,7 +140,7 @@ def _common(evidence: ProbeEvidence) -> Any:
 
 
 def _played(episode: Episode) -> _Turns | None:
-    """What agents in turn observed; None where that has several sizes."""
+    """Observations of the agents in turn; None where that has several sizes."""
     seen = [
         (turn.index, agent, numbers_in(unmasked(turn.observations[agent])))
         for turn in episode.turns
@@ -174,7 +174,7 @@ def _changes(each: _Turns, to: Sequence[int]) -> Any:
 
 
 def _together(each: _Turns, places: Sequence[int]) -> frozenset[tuple[float, ...]]:
-    """What the agents had at some places in their first turns."""
+    """Values of the agents at some places in their first turns."""
     firsts = [k for k, before in enumerate(each.before) if before < 0]
     return frozenset(tuple(each.rows[k, places].tolist()) for k in firsts)
 
