@@ -57,8 +57,8 @@ def command(
         budget (--budget MB): Size of all episodes together, in MB.
         frames_budget (--frames-budget MB): Size of recorded frames, in MB.
         title (--title TEXT): Title of the page (default: the name of the run).
-        expand (--expand): Play a run of level actions again, to show it in full; kept in your cache
-            folder.
+        expand (--expand): Play a run of level actions again, to show it in full; the result stays
+            in your cache folder.
         opens (--open): Open the page in the browser, where there is a display.
     """
     from gamekeeper.viewing.report_file import report

@@ -107,7 +107,10 @@ def blocks_of(table: pa.Table, *, rows: int | None = None) -> Iterator[Block]:
 
 
 def turn_bounds(table: pa.Table, most: int) -> Iterator[tuple[int, int]]:
-    """Bounds of the parts of a table that is sorted by turn: at most so many rows, or one turn of more."""
+    """Bounds of the parts of a table that is sorted by turn.
+
+    Each has at most so many rows, or is one turn of more.
+    """
     if table.num_rows <= most:
         yield from [(0, table.num_rows)] if table.num_rows else []
         return
