@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import sys
 import time
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -193,6 +194,41 @@ class PaidWhenGone(Lingers):
         """Pays both."""
         out = super().step(actions)
         out[1].update(dict.fromkeys(self.possible_agents, 0.5))
+        return out
+
+
+@dataclass(frozen=True)
+class Walker:
+    """An agent that equals those of its number."""
+
+    number: int
+
+
+class Numbered(Sound):
+    """Agents are values that aren't texts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = [Walker(0), Walker(1)]  # type: ignore[list-item]
+
+
+class Vanishes(Numbered):
+    """One leaves `agents` without a flag."""
+
+    def step(self, actions: Any) -> Any:
+        """Takes it out after five ticks."""
+        out = super().step(actions)
+        self.agents = self.agents[: 1 if self.tick >= 5 else 2]
+        return out
+
+
+class FirstIsPaid(Numbered):
+    """Pays whichever agent stands first in the dictionary of actions."""
+
+    def step(self, actions: Any) -> Any:
+        """Pays more to one."""
+        out = super().step(actions)
+        out[1][next(iter(actions))] += 1.0
         return out
 
 

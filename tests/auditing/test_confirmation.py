@@ -83,6 +83,29 @@ def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
     assert found.of("GK604").reproduced == Reproduced(TRIES, TRIES, True)
 
 
+@pytest.mark.parametrize(("name", "id"), [("Vanishes", "GK501"), ("FirstIsPaid", "GK311")])
+def test_agents_that_are_no_texts_are_found_by_a_program(name: str, id: str) -> None:
+    """It plays with frozen dataclasses as it plays with names."""
+    verdict = audited(name, id).of(id)
+    assert verdict.outcome == "failed"
+    assert verdict.reproduced is not None
+    assert verdict.reproduced.failed == verdict.reproduced.tried == TRIES
+
+
+def test_sound_agents_that_are_no_texts_are_not_accused() -> None:
+    """They share the array that they see, as the program shows; nothing else is found."""
+    found = audited("Numbered", "GK")
+    assert {each.id for each in found.failed} == {"GK614", "GK615"}
+    assert [each.id for each in found.verdicts if each.outcome == "suspected"] == []
+
+
+def test_agent_that_a_program_does_not_find_shows_nothing() -> None:
+    """An exception of a line of its own isn't the environment's."""
+    program = "next(agent for agent in ['a'] if agent == 'b')"
+    with WarmWorker(()) as worker:
+        assert Confirmation([worker], lambda: None, None).failures(program) == (0, 1)
+
+
 def test_fault_of_a_wrapper_is_placed_in_it() -> None:
     """The one wrapper of three without which a used instance plays like a fresh one is named."""
     (finding,) = audited("dimmed", "GK604").of("GK604").findings

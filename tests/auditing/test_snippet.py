@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import operator
+from enum import Enum
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from hypothesis import strategies as st
 from gamekeeper.auditing.snippet import Home, home, snippet
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.literal import literal
+from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 
 PLAIN = st.recursive(
@@ -72,6 +76,41 @@ def test_program_raises_where_its_proof_does() -> None:
     exec(quiet, {})
     with pytest.raises(AssertionError):
         exec(loud, {})
+
+
+class Color(Enum):
+    """An agent that `repr` gives no form that can be pasted."""
+
+    RED = 1
+    BLUE = 2
+
+
+@pytest.mark.parametrize("agents", [tuple(Color), (("a", Color.RED), ("a", Color.BLUE))])
+def test_program_plays_with_agents_of_the_environment(agents: tuple[Any, ...]) -> None:
+    """It finds them by their text, also where its last lines name one."""
+    name = agent_name(agents[1])
+    find = f"agent = next(a for a in ACTIONS[0] if str(a) == {name!r})"
+    text = snippet(
+        Home((), "build()"),
+        "parallel",
+        EpisodePlan(actions=[{agents[1]: 3, agents[0]: 0}]),
+        Reproducer(find, plays=False),
+        title="x",
+        shows="y",
+    )
+    names: dict[str, Any] = {"build": lambda: SimpleNamespace(possible_agents=agents)}
+    exec(text, names)
+    assert names["ACTIONS"] == [{agents[1]: 3, agents[0]: 0}]
+    assert all(map(operator.is_, names["ACTIONS"][0], reversed(agents)))
+    assert names["agent"] is agents[1]
+
+
+def test_agent_that_an_environment_does_not_know_ends_the_program() -> None:
+    """A name is missing then, which shows nothing of the environment."""
+    play = EpisodePlan(actions=[{Color.RED: 3}])
+    text = snippet(Home((), "build()"), "parallel", play, None, title="x", shows="y")
+    with pytest.raises(NameError, match="RED"):
+        exec(text, {"build": lambda: SimpleNamespace(possible_agents=[Color.BLUE])})
 
 
 def test_home_needs_pettingzoo_alone_where_it_can() -> None:

@@ -1,19 +1,11 @@
 """Agents that are no values, such as objects that each reset makes anew: known by their places."""
 
-import copy
 from collections.abc import Callable
 from typing import Any, Final
 
 from gamekeeper.auditing.holds import Hold, with_methods
+from gamekeeper.checks.literal import is_value
 from gamekeeper.interface.opening import Opened
-
-
-def is_value(agent: Any) -> bool:
-    """Tells whether an agent equals a copy of it, as names do; where none can be made it may."""
-    try:
-        return agent.__class__ is str or bool(copy.deepcopy(agent) == agent)
-    except Exception:  # whatever foreign code raises, nothing is known against it
-        return True
 
 
 def are_found_by_place(opened: Opened) -> bool:

@@ -24,11 +24,13 @@ LIMIT_S: Final = 300.0
 """Seconds after which a program is ended; it failed, as its environment hangs."""
 AT_ONCE: Final = 2
 """Programs that run beside each other."""
-NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundError")
-"""Exceptions of a program that can't run at all; they show nothing of the environment.
+OF_LINES: Final = ("NameError", "StopIteration")
+"""Exceptions that show something where a line of the environment's raised them.
 
-A NameError does where a line of the environment's raised it.
+A program's own lines raise them where they don't find an agent.
 """
+NOT_SHOWN: Final = ("SyntaxError", "ImportError", "ModuleNotFoundError", *OF_LINES)
+"""Exceptions of a program that can't run at all; they show nothing of the environment."""
 SPACES: Final = str(Path("gymnasium", "spaces"))
 """Part of the path of Gymnasium's spaces, which refuse by an exception."""
 EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception)):")
@@ -224,7 +226,7 @@ def _end_in(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
     raised, text, at = (outcome.value[name] for name in ("raised", "text", "at"))
     if raised is None:
         return "passed", "", ""
-    is_shown = raised not in NOT_SHOWN or (raised == "NameError" and at)
+    is_shown = raised not in NOT_SHOWN or (raised in OF_LINES and at)
     end: ProgramEnd = "raised" if at and SPACES not in at else "failed"
     end = end if is_shown else "not run"
     return end, at and f"{at} {raised}: {text}", " ".join(outcome.value["told"].split())

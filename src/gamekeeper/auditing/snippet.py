@@ -1,13 +1,15 @@
 """Snippets: the shortest way to see a finding again, as a Python program that raises meanwhile."""
 
 import keyword
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.literal import literal
+from gamekeeper.checks.reproducer_source import text_of
+from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 
 WIDTH: Final = 96
@@ -62,6 +64,23 @@ def home(spec: str, identity: Mapping[str, Any], kwargs: Mapping[str, Any]) -> H
     return Home(("import gamekeeper as gk",), f"gk.make({spec!r}, slim=False{rest})")
 
 
+def agents_by_text(make: Callable[[], Any], seed: Any) -> Callable[[str], Any]:
+    """Finds agents that an environment knows at first: values without a form of their own."""
+    env = make()
+    agents = getattr(env, "possible_agents", None)
+    if agents is None:
+        env.reset(seed=seed)
+        agents = env.agents
+    known = {repr(agent): agent for agent in agents}
+
+    def agent_of(text: str) -> Any:
+        if text not in known:  # which shows nothing of the environment
+            raise NameError(f"no agent is {text}")
+        return known[text]
+
+    return agent_of
+
+
 def snippet(
     where: Home, api: str, play: EpisodePlan, proof: Reproducer | None, *, title: str, shows: str
 ) -> str:
@@ -78,6 +97,8 @@ def snippet(
     proof = proof or Reproducer("# look at what stands in these: the finding says what is wrong")
     imports = [*where.imports, "import numpy as np", *(f"import {name}" for name in proof.imports)]
     made = where.given(proof.options) or "...  # your environment"
+    actions, proven = _actions(play, api), _by_text(proof.lines, play)
+    finder, _ = text_of(agents_by_text) if "agent_of(" in actions + proven else ("", ())
     lines = [
         f"# {title}",
         *(f"# {line}" for line in shows.splitlines()),
@@ -92,12 +113,21 @@ def snippet(
             else ()
         ),
         f"SEED = {play.seed!r}",
-        f"ACTIONS = {_actions(play, api)}",
+        *(("", finder, "agent_of = agents_by_text(make, SEED)") if finder else ()),
+        f"ACTIONS = {actions}",
         "",
         *(_course(api, play) if proof.plays else ()),
-        *proof.lines.splitlines(),
+        *proven.splitlines(),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _by_text(lines: str, play: EpisodePlan) -> str:
+    """The lines with agents called by their text, as a stranger's program finds them."""
+    agents = dict.fromkeys(agent for each in play.actions or () for agent in each)
+    for agent in agents:
+        lines = lines.replace(repr(agent_name(agent)), repr(str(agent)))
+    return lines
 
 
 def _actions(play: EpisodePlan, api: str) -> str:

@@ -1,5 +1,6 @@
 """Values as Python that a reader can paste; numbers plain where a space takes them so."""
 
+import copy
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -15,7 +16,8 @@ def literal(value: Any) -> str:
         items = value.tolist() if value.dtype != np.float32 else _short(value)
         return f"np.array({_nested(items)}, np.{_dtype(value)})"
     if isinstance(value, Mapping):
-        pairs = (f"{literal(key)}: {literal(item)}" for key, item in value.items())
+        keys = (key_literal(key) if is_value(key) else literal(key) for key in value)
+        pairs = (f"{key}: {literal(item)}" for key, item in zip(keys, value.values(), strict=True))
         return "{" + ", ".join(pairs) + "}"
     if isinstance(value, tuple):
         inner = ", ".join(map(literal, value))
@@ -27,6 +29,27 @@ def literal(value: Any) -> str:
     if value is None or isinstance(value, bool | int | str | bytes):
         return repr(value)
     return repr(repr(value))
+
+
+def is_value(agent: Any) -> bool:
+    """Tells whether an agent equals a copy of it, as names do; where none can be made it may."""
+    try:
+        return agent.__class__ is str or bool(copy.deepcopy(agent) == agent)
+    except Exception:  # whatever foreign code raises, nothing is known against it
+        return True
+
+
+def key_literal(key: Any) -> str:
+    """An agent, or another key: what has no form of its own is found in a program by its text."""
+    if _has_form(key):
+        return literal(key)
+    return f"agent_of({repr(key)!r})" if is_value(key) else repr(key)
+
+
+def _has_form(key: Any) -> bool:
+    if type(key) is tuple:
+        return all(map(_has_form, key))
+    return type(key) in (str, int, float, bool, bytes, type(None)) or isinstance(key, np.generic)
 
 
 def _scalar(value: np.generic) -> str:

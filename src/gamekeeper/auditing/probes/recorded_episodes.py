@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.spaces import Space
 
-from gamekeeper.auditing.agent_places import is_value
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable
@@ -21,6 +20,7 @@ from gamekeeper.checks.facts.episode_facts import (
     UnwrittenActions,
 )
 from gamekeeper.checks.facts.state_facts import StateAnswer
+from gamekeeper.checks.literal import is_value
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name

@@ -311,4 +311,5 @@ def endings_are_of_their_declared_kind(contract: Contract, evidence: ProbeEviden
 
 def _proof(api: str, agent: str, kind: str) -> Reproducer:
     book = f"{kind}s" if api == "parallel" else f"env.{kind}s"
-    return Reproducer(f"flags = {book}\nassert flags.get({agent!r}), flags")
+    flags = f"{{str(a): flag for a, flag in {book}.items()}}"
+    return Reproducer(f"flags = {flags}\nassert flags.get({agent!r}), flags")

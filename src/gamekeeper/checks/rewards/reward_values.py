@@ -12,6 +12,7 @@ from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.aec_book_facts import LastRewards, MarkedReward, OwedAfterReset
+from gamekeeper.checks.literal import key_literal
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import dead_steps_pay_nobody as dead_pay_stops
@@ -455,10 +456,10 @@ def paid(mark):
     for action in ACTIONS[:-1]:
         env.last()
         env.step(action)
-    env.rewards[{agent!r}] += mark  # which the next step must clear
+    env.rewards[{key_literal(agent)}] += mark  # which the next step must clear
     env.last()
     env.step(ACTIONS[-1])
-    return float(env.rewards.get({agent!r}, 0))
+    return float(env.rewards.get({key_literal(agent)}, 0))
 
 mark = {mark!r}
 more = paid(mark) - paid(0)

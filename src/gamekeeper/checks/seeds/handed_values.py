@@ -13,6 +13,7 @@ from gamekeeper.checks.facts.handed_facts import (
     SharedValues,
     WrittenValues,
 )
+from gamekeeper.checks.literal import key_literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import actions_are_read_at_once, actions_stay
@@ -110,12 +111,13 @@ def _kept_proof(api: str, field: str) -> Reproducer:
 
 def _apart_proof(api: str, field: str, one: object, other: object) -> str:
     """Changes what one was given, and looks at what the other was given."""
+    agents = key_literal(one), key_literal(other)
     if api == "parallel":
-        mine, theirs = f"{field}[{one!r}]", f"{field}[{other!r}]"
+        mine, theirs = (f"{field}[{agent}]" for agent in agents)
     elif field == "infos":
-        mine, theirs = f"env.infos[{one!r}]", f"env.infos[{other!r}]"
+        mine, theirs = (f"env.infos[{agent}]" for agent in agents)
     else:
-        mine, theirs = f"env.observe({one!r})", f"env.observe({other!r})"
+        mine, theirs = (f"env.observe({agent})" for agent in agents)
     return (
         "def arrays(value):\n"
         "    items = value.values() if isinstance(value, dict) else value\n"
