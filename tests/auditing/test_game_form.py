@@ -192,7 +192,7 @@ def ended(kind: str, step: int, agents: str) -> tuple[AgentEnding, ...]:
 
 def trial(*looks: MoveLook, agent: str = "a", is_moved: bool = False) -> MoveTrial:
     """A replaced move of the first of three agents."""
-    return MoveTrial(agent, 0, 0, ("a", "b", "c"), looks, 1, is_moved)
+    return MoveTrial(agent, 0, 0, None, ("a", "b", "c"), looks, 1, is_moved)
 
 
 def test_the_order_of_turns() -> None:
@@ -279,7 +279,7 @@ def test_priority_needs_one_way_whatever_is_drawn() -> None:
         for number, (one, two) in enumerate(looks):
             for agent in (one, two):
                 look = MoveLook(two, "reward", 0, agent == one, False, 0)
-                tried = MoveTrial(agent, number, number, agents, (look,), 1, False)
+                tried = MoveTrial(agent, number, number, None, agents, (look,), 1, False)
                 found.append(Fact(Where("form", 0, number), tried))
         return roles.priority(facts, found, agents)[0]
 

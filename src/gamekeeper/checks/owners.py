@@ -2,18 +2,34 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from gamekeeper.checks.effects import MOST_PLACES, by_turn, changed_numbers, numbers_in
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
+from gamekeeper.checks.facts.form_facts import EpisodeShape, MoveTrial
+from gamekeeper.checks.probe_evidence import Fact, ProbeCounterfactual, ProbeEvidence
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.where import Where
 
 LEAST: Final = 3
 """Replaced actions of each agent that moved something of its owner."""
 MOST_OTHERS: Final = 0.1
 """Part of these that may have moved it elsewhere, by what agents do to each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplacedAction:
+    """One agent's action, replaced by another one.
+
+    Attributes:
+        where: episode, turn and agent.
+        choice: the other action.
+    """
+
+    where: Where
+    turn: int
+    choice: Any
 
 
 @dataclass(slots=True)
@@ -23,14 +39,14 @@ class Owners:
     Attributes:
         agents: all that were live at the reset.
         counts: by pair.
-        trials: the first trial that moved it, by pair.
+        trials: the first action that moved it, by pair.
     """
 
     agents: Sequence[str]
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
-    trials: dict[tuple[str, str], ProbeCounterfactual] = field(default_factory=dict)
+    trials: dict[tuple[str, str], ReplacedAction] = field(default_factory=dict)
 
-    def note(self, agent: str, moved: Sequence[str], trial: ProbeCounterfactual) -> None:
+    def note(self, agent: str, moved: Sequence[str], trial: ReplacedAction) -> None:
         """Notes whose an action moved."""
         for other in moved:
             self.counts[agent, other] += 1
@@ -91,25 +107,50 @@ def left_at(episode: Episode, turn: int) -> list[str]:
 
 
 def doings(evidence: ProbeEvidence) -> Doings:
-    """Owners of rewards, of endings, and of each place of observations."""
+    """Owners of rewards, of endings, and of each place of observations.
+
+    Rewards and endings are also those of the probe `form`, which replaces many more actions.
+    """
     trials = [each for each in evidence.counterfactuals("influence") if each.noise is None]
-    roster = sorted({name for each in trials[:1] for name in each.base.turns[0].live})
+    shapes = {fact.where.play: fact.value for fact in evidence.facts(EpisodeShape)}
+    rosters = [*(each.base.turns[0].live for each in trials), *(s.first for s in shapes.values())]
+    roster = sorted(rosters[0]) if rosters else []
     found = Doings(Owners(roster), Owners(roster), defaultdict(lambda: Owners(roster)))
     for trial in trials:
         agent, turn = agent_name(trial.change["agent"]), int(trial.change["turn"])
         base, changed = (by_turn(each, turn) for each in (trial.base, trial.episode))
         if turn not in base or turn not in changed or sorted(left_at(trial.base, turn)) != roster:
             continue
+        choice = changed[turn].actions.get(agent, trial.change["action"])
+        replaced = ReplacedAction(trial.base.at(turn, agent, "actions"), turn, choice)
         one, two = base[turn].rewards, changed[turn].rewards
         moved = [n for n in roster if one.get(n, 0.0) != two.get(n, 0.0)]
-        found.rewards.note(agent, moved, trial)
+        found.rewards.note(agent, moved, replaced)
         if turn + 1 in base and turn + 1 in changed:
             ended = [*(base[turn + 1].ended ^ changed[turn + 1].ended)]
-            found.endings.note(agent, ended if len(ended) == 1 else [], trial)
+            found.endings.note(agent, ended if len(ended) == 1 else [], replaced)
         for other in roster:
             for place in _moved_places(trial, base, changed, other):
-                found.places[place].note(agent, [other], trial)
+                found.places[place].note(agent, [other], replaced)
+    for fact in evidence.facts(MoveTrial):
+        if fact.where.play in shapes:
+            _note_moves(found, fact, shapes[fact.where.play])
     return found
+
+
+def _note_moves(found: Doings, fact: Fact[MoveTrial], shape: EpisodeShape) -> None:
+    """Notes whose reward and ending of its own step a replaced move changed."""
+    trial, roster = fact.value, found.rewards.agents
+    looks = [each for each in trial.looks if each.turn == trial.turn]
+    paid = {each.target: each.is_changed for each in looks if each.on == "reward"}
+    has_ended = any(ending.step < trial.turn for ending in shape.endings)
+    if trial.is_shifted or has_ended or sorted(shape.first) != roster or set(roster) - set(paid):
+        return
+    where = replace(fact.where, agent=trial.agent, field="actions")
+    replaced = ReplacedAction(where, trial.turn, trial.choice)
+    found.rewards.note(trial.agent, [name for name in roster if paid[name]], replaced)
+    ended = [each.target for each in looks if each.on == "ending" and each.is_changed]
+    found.endings.note(trial.agent, ended if len(ended) == 1 else [], replaced)
 
 
 def _moved_places(

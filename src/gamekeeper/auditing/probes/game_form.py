@@ -132,7 +132,7 @@ def _form_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
         yield EpisodePlan(seed=session.seed + k, stream=k, most_turns=min(turns, LONGEST))
 
 
-@probe("form", share=0.0, on_top=0.5, plays=_form_plays)
+@probe("form", share=0.0, on_top=0.5, plays=_form_plays, tries=0)
 def form(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Whole episodes with random legal actions; in some rounds each is replaced, one at a time.
 
@@ -149,6 +149,7 @@ def form(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         yield session.fact(FormError("an episode", done.said))
         return
     forms = done.value
+    session.base = forms.plan
     yield session.fact(shape(forms.script, is_over=forms.is_over, api=session.api))
     trials: list[Any] = []
     with kept_global_generators():
@@ -185,7 +186,7 @@ class _Forms:
         spots = self._spots(ahead)
         boards, settled = self._led({step for spot in spots for step in spot})
         if settled < len(self.script.steps):
-            self._session.unlike[:] = self._session.unlike or [self._plan()]
+            self._session.unlike[:] = self._session.unlike or [self.plan]
             yield UnsettledMoves(settled)
         if self._can_copy and spots:
             done = self._session.call("copies", self._copies_well, boards, settled, ahead)
@@ -206,7 +207,9 @@ class _Forms:
                     is_tried = True
                     yield priority
 
-    def _plan(self) -> EpisodePlan:
+    @property
+    def plan(self) -> EpisodePlan:
+        """The episode with its actions written out."""
         actions = tuple(dict(step.actions or {}) for step in self.script.steps)
         return EpisodePlan(self._seed, self._stream, actions, max(len(actions), 1))
 
@@ -334,7 +337,7 @@ class _Forms:
         number = self.script.rounds[step]
         name = agent_name(agent)
         seen = tuple(looks), ahead, is_moved, is_shifted
-        trial = MoveTrial(name, number, step, movers, *seen)
+        trial = MoveTrial(name, number, step, action, movers, *seen)
         return trial, action
 
     def _last_of(self, number: int) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 Influenced: TypeAlias = Literal["mask", "observation", "reward", "ending"]
 
@@ -76,6 +76,7 @@ class MoveTrial:
     Attributes:
         round: its number in the episode.
         turn: env step of the move.
+        choice: the other move.
         movers: agents of the round, in their order.
         looks: at all that could be compared.
         ahead: rounds that were looked ahead.
@@ -87,6 +88,7 @@ class MoveTrial:
     agent: str
     round: int
     turn: int
+    choice: Any
     movers: tuple[str, ...]
     looks: tuple[MoveLook, ...]
     ahead: int

@@ -1,7 +1,7 @@
 """Check of whose rewards are whose once agents have left."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
@@ -107,12 +107,14 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
 def _shifts(found: Sequence[_Paid], is_shift: bool) -> Cases:
     """Cases of replaced actions that moved rewards."""
     for each in found:
+        actions = by_turn(each.trial.episode, each.turn)[each.turn].actions
+        choice = actions.get(each.agent, each.trial.change["action"])
         yield Case(
             each.trial.base.at(each.turn, each.agent, "rewards"),
             not is_shift,
             "its own reward, as while all were in the game",
             f"another action of {each.agent!r} moves the reward of {each.shifted!r} alone",
-            _proof(each.trial, each.agent, each.shifted) if is_shift else None,
+            _proof(each.turn, choice, each.agent, each.shifted) if is_shift else None,
         )
 
 
@@ -136,9 +138,7 @@ def _paid(trial: ProbeCounterfactual) -> _Paid | None:
     return _Paid(trial, agent, turn, "whole", moved, agent) if then == left else None
 
 
-def _proof(trial: ProbeCounterfactual, agent: str, other: str) -> Reproducer:
-    turn = int(trial.change["turn"])
-    choice = by_turn(trial.episode, turn)[turn].actions.get(agent, trial.change["action"])
+def _proof(turn: int, choice: Any, agent: str, other: str) -> Reproducer:
     return reproducer_of(
         assert_pays_its_agent, compares=True, turn=turn, agent=agent, other=other, choice=choice
     )
@@ -148,6 +148,7 @@ def _proof(trial: ProbeCounterfactual, agent: str, other: str) -> Reproducer:
     "GK416",
     HIGH,
     "influence",
+    "form",
     confidence=0.8,
     looks_at="three replaced actions of each agent that move one and the same agent's reward of "
     "their step, and as many that move a number of the observation, or an ending, of their own "
@@ -185,9 +186,9 @@ def rewards_are_of_their_own_agent(contract: Contract, evidence: ProbeEvidence) 
     for agent, other in paid.items():
         trial = done.rewards.trials[agent, other]
         yield Case(
-            trial.base.at(int(trial.change["turn"]), agent, "rewards"),
+            replace(trial.where, field="rewards"),
             not is_crossed(paid),
             "its own reward moves, as its observation or its ending does",
             f"another action of {agent!r} moves the reward of {other!r} alone",
-            _proof(trial, agent, other) if is_crossed(paid) else None,
+            _proof(trial.turn, trial.choice, agent, other) if is_crossed(paid) else None,
         )

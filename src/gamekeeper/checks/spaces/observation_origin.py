@@ -1,6 +1,7 @@
 """Checks of whose observations are given, and of which moment."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -295,6 +296,7 @@ def assert_shows_its_own(
     "GK220",
     HIGH,
     "influence",
+    "form",
     confidence=0.8,
     looks_at="three replaced actions of each agent that move one and the same agent's number of "
     "the observation, and as many that move the reward, or an ending, of their own agent alone",
@@ -327,18 +329,16 @@ def observations_show_their_own_agent(contract: Contract, evidence: ProbeEvidenc
     place, owners = next(iter(shown.items()))
     for agent, other in owners.items():
         trial = done.places[place].trials[agent, other]
-        turn = int(trial.change["turn"])
-        choice = by_turn(trial.episode, turn)[turn].actions.get(agent, trial.change["action"])
         proof = reproducer_of(
             assert_shows_its_own,
             compares=True,
-            turn=turn,
+            turn=trial.turn,
             agents=[agent, other],
-            choice=choice,
+            choice=trial.choice,
             place=place,
         )
         yield Case(
-            trial.base.at(turn, agent, "observations"),
+            replace(trial.where, field="observations"),
             not is_swapped,
             "a number of its own observation moves, as its reward or its ending does",
             f"another action of {agent!r} moves number {place} of what {other!r} observes alone",
