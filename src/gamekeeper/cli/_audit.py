@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import quote
 
@@ -118,45 +117,19 @@ def audit_with_progress(
     """
     from gamekeeper.auditing.audit_process import audit
 
-    kept, prints = mkstemp(prefix="gamekeeper-", suffix=".txt")
-    os.close(kept)
     is_dumb = os.environ.get("TERM") == "dumb"
     is_shown = not screen.is_quiet and sys.stderr.isatty() and not is_dumb
     shares = shares_of(select, ignore) if is_shown else {}
-    with _told_prints(screen, Path(prints)), probing(shares, is_shown=is_shown) as take:
+    with probing(shares, is_shown=is_shown) as take:
         return audit(
             spec,
             select=select,
             ignore=ignore,
             on_probe=take,
-            prints=prints,
+            say=screen.note,
             memory_bytes=None if memory_mb is None else memory_mb * MEGABYTE,
             **options,
         )
-
-
-@contextmanager
-def _told_prints(screen: Screen, path: Path) -> Iterator[None]:
-    """Says afterwards how much the environment printed and where it is; removes an empty file.
-
-    What Gamekeeper itself says there, in each of its processes, is said once and isn't counted.
-    """
-    try:
-        yield
-    finally:
-        size, said = 0, dict[bytes, None]()
-        with path.open("rb") as printed:
-            for line in printed:
-                if line.startswith(b"gamekeeper: "):
-                    said[line] = None
-                else:
-                    size += len(line)
-        for line in said:
-            screen.note(line.decode(errors="replace").rstrip())
-        if size:
-            screen.note(f"note: the environment printed {size:,} bytes, which are in {path}")
-        else:
-            path.unlink()
 
 
 def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
