@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import quote
 
 from gamekeeper._version import __version__
-from gamekeeper.cli._screen import Screen, document_text
+from gamekeeper.cli._screen import AROUND, Screen, document_text, fitted
 from gamekeeper.cli._worker import MEGABYTE, name_of
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.rollouts.executors import executor_of
@@ -38,6 +38,8 @@ from rich.text import Text
 
 # -- Progress on a terminal: the probe that runs, and an estimate of the time left
 
+TIMES: Final = len(" 0:00:00 about 1234 s left")
+"""Columns of time and time left, which aren't shortened."""
 ESTIMATED_FROM: Final = 0.15
 """Part of the work from which the time left is estimated."""
 
@@ -45,34 +47,41 @@ OnProbe = Callable[[str, int, int], None]
 
 
 @contextmanager
-def probing(shares: Mapping[str, float], *, is_shown: bool) -> Iterator[OnProbe]:
+def probing(
+    shares: Mapping[str, float], *, is_shown: bool, console: Console | None = None
+) -> Iterator[OnProbe]:
     """Shows a line on stderr; yields the function that an audit calls before each probe.
 
     Args:
         shares: shares of the probes that will run, in their order.
         is_shown: False: nothing is written.
+        console: in place of stderr's.
     """
     if not is_shown:
         yield lambda name, place, count: None
         return
+    console = console or Console(stderr=True)
     columns = (
         SpinnerColumn(),
         TextColumn("auditing"),
-        BarColumn(bar_width=24),
+        bar := BarColumn(),
         TextColumn("{task.description}"),
         TimeElapsedColumn(),
         _Left(),
     )
     total = sum(shares.values()) or 1.0
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("starting", total=total, since_s=time.monotonic(), part=0.0)
+    room = console.width - AROUND - len("auditing") - TIMES
+    with Progress(*columns, console=console, transient=True) as progress:
+        start = fitted(bar, ["starting"], room)
+        task = progress.add_task(start, total=total, since_s=time.monotonic(), part=0.0)
 
         def take(name: str, place: int, count: int) -> None:
             done = sum(list(shares.values())[:place])
+            counts = f"({place + 1} of {count})"
             progress.update(
                 task,
                 completed=done,
-                description=f"{name} ({place + 1} of {count})",
+                description=fitted(bar, [f"{name} {counts}", counts], room),
                 since_s=time.monotonic(),
                 part=done / total,
             )
