@@ -245,7 +245,7 @@ def live_progress(
 
 
 def _counts(known: dict[str, Any]) -> list[str]:
-    """What was done, from the longest text to the shortest."""
+    """Counts of a task, from the longest text to the shortest."""
     if "merged" in known:
         parts = f"{known['merged']:,} of {known['parts']:,}"
         return [f"merging: {parts} parts", parts]
