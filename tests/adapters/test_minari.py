@@ -286,6 +286,27 @@ def test_dict_spaces_of_others_can_be_agents(tmp_path: Path) -> None:
         load(foreign_box(tmp_path / "other"), joint=True)
 
 
+def test_import_takes_entries_of_dict_spaces_as_agents(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """With --joint two agents; without one, called as --agent says; never both options."""
+    both = spaces.Dict({name: spaces.Discrete(5) for name in ("a", "b")})
+    columns = {"a": np.array([1, 2, 3]), "b": np.array([4, 3, 2])}
+    acts = {key: column[:2] for key, column in columns.items()}
+    name = foreign(tmp_path, both, both, observations=columns, actions=acts)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    line = ("import", f"minari:{name}", "--out")
+    assert set(document(capfd, *line, tmp_path / "two", "--joint")[1]["agents"]) == {"a", "b"}
+    assert set(document(capfd, *line, tmp_path / "one", "--agent", "hand")[1]["agents"]) == {"hand"}
+    code, found = document(capfd, *line, tmp_path / "no", "--joint", "--agent", "hand")
+    assert (code, found["error"]["fix"]) == (2, "leave one of the two out")
+    foreign_box(tmp_path / "box")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "box"))
+    code, found = document(capfd, *line, tmp_path / "no", "--joint")
+    assert (code, "without --joint" in found["error"]["fix"]) == (2, True)
+    assert not (tmp_path / "no").exists()
+
+
 def foreign_box(out: Path) -> Path:
     """A data set whose spaces are no Dict."""
     name = foreign(

@@ -111,6 +111,24 @@ def test_sarif_names_files_inside_the_folder_from_there(
     assert place == {"uri": "my%20envs/line.py", "uriBaseId": "%SRCROOT%"}
 
 
+def test_sarif_names_a_class_of_a_file_by_the_files_stem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """No internal name of the module stands in what an audit of a file writes."""
+    file = tmp_path / "paid_line.py"
+    file.write_text(
+        f"from {PAID.partition(':')[0]} import PaidAfterEnd\n\n\n"
+        "class Paid(PaidAfterEnd):\n    pass\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    assert said(capfd, "audit", f"{file}:Paid", *QUICK, "--out", "out")[0] == 1
+    text = Path("out/audit.sarif").read_text()
+    (location,) = json.loads(text)["runs"][0]["results"][0]["locations"]
+    assert location["logicalLocations"][0]["fullyQualifiedName"] == "paid_line.Paid"
+    assert "_gamekeeper_file" not in text
+    assert "_gamekeeper_file" not in Path("out/audit.json").read_text()
+
+
 def test_waiver_is_shown_with_its_reason(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """A waived promise is no failure; a waiver of no check at all is told."""
     contract = tmp_path / "rovers.toml"

@@ -95,7 +95,7 @@ def test_export_refuses_what_makes_no_sense(
     ("words", "told"),
     [
         (["RUN", "--out", "x"], "names no form of data"),
-        (["numpy:x.npz", "--out", "x"], "nothing reads 'numpy:'"),
+        (["numpy:x.npz", "--out", "x"], "nothing reads 'numpy:'\n  where: FORM:DATA"),
         (["minari:a/b-v0"], "Missing option"),
     ],
 )

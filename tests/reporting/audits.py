@@ -52,6 +52,7 @@ def audit(*verdicts: dict[str, Any], **fields: Any) -> dict[str, Any]:
         "declared": None,
         "source": {"class": "rovers.Rovers", "file": "rovers.py", "line": 12},
         "stopped": "",
+        "prints": "",
     }
     return {**usual, **fields}
 

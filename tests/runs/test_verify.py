@@ -79,10 +79,10 @@ def test_verify_names_the_option_of_a_digest_that_was_given_to_the_other(
     digits = evidence.fingerprint if has_level else evidence.fingerprint.partition(":")[2]
     with pytest.raises(EvidenceError, match="this is a fingerprint") as error:
         verify(finalized, root=digits)
-    assert "--fingerprint" in str(error.value.fix)
+    assert "--fingerprint (in Python, fingerprint=)" in str(error.value.fix)
     with pytest.raises(EvidenceError, match="this is a root digest") as error:
         verify(finalized, fingerprint=evidence.root)
-    assert "--root" in str(error.value.fix)
+    assert "--root (in Python, root=)" in str(error.value.fix)
 
 
 def test_verify_refuses_a_fingerprint_of_another_level(finalized: Path) -> None:
@@ -112,6 +112,7 @@ def test_verify_says_in_a_line_what_was_not_checked(finalized: Path) -> None:
     ):
         assert told in str(found.to_json()["not_checked"])
         assert "\n" not in str(found.not_checked)
+        assert "in Python, root=X" in str(found)
 
 
 FORGED = {

@@ -2,8 +2,12 @@
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from os import PathLike, fspath
+from pathlib import Path
+from tempfile import mkstemp
 from typing import Any, Final
 
 from gamekeeper.auditing.audit import BUDGET, QUICK, AuditAttempt, OnProbe, audit_here
@@ -16,6 +20,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.errors import EnvError, GamekeeperError
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.worker_errors import error_of
+from gamekeeper.terminal import say as say_on_stderr
 
 TASK: Final = "gamekeeper.auditing.audit_process:audit_task"
 SILENCE_S: Final = 120.0
@@ -48,7 +53,7 @@ def audit(
     silence_s: float = SILENCE_S,
     memory_bytes: int | None = None,
     on_probe: OnProbe | None = None,
-    prints: str | PathLike[str] | None = None,
+    say: Callable[[str], None] = say_on_stderr,
 ) -> AuditResult:
     """Audits an environment against PettingZoo's contract, and its own where it has one.
 
@@ -57,7 +62,7 @@ def audit(
 
     What is named by text runs in a process of its own, so that a crash or a hang is a finding; what
     is handed over as an object or a factory runs here. Verdicts repeat with the same seed and
-    budget.
+    budget. What that process prints goes to a file, which the result names.
 
     Args:
         spec: where the environment comes from, or a run; of an object, what needs a second instance
@@ -74,7 +79,8 @@ def audit(
         silence_s: a probe that gives no sign of life for so long is given up.
         memory_bytes: bound of the process's memory.
         on_probe: called with a probe's name, its place and their number.
-        prints: file for what the environment's process prints; None: standard error.
+        say: takes a line on how much the environment's process printed and the file that holds it,
+            also where the audit raises; by default it goes to standard error.
     Raises:
         SpecError: nothing can be opened under that name.
         ContractError: the contract doesn't fit the environment.
@@ -97,7 +103,56 @@ def audit(
     if not isinstance(spec, str):
         return audit_here(spec, contract=contract, attempt=AuditAttempt(on_probe=on_probe), **asked)
     asked["contract"] = _env_step(contract)
-    asked["prints"] = None if prints is None else fspath(prints)
+    try:
+        with collected_prints(say) as prints:
+            asked["prints"] = str(prints)
+            result = _audited(spec, asked, silence_s, memory_bytes, on_probe)
+    except AuditInterruptedError as interrupted:
+        interrupted.result = _with_prints(interrupted.result, prints)
+        raise
+    return _with_prints(result, prints)
+
+
+@contextmanager
+def collected_prints(say: Callable[[str], None]) -> Iterator[Path]:
+    """Yields a new file; says afterwards how much the environment printed there, and where it is.
+
+    What Gamekeeper itself says there, in each of its processes, is said once and isn't counted. A
+    file without a print of the environment's is removed.
+    """
+    file, name = mkstemp(prefix="gamekeeper-", suffix=".txt")
+    os.close(file)
+    path = Path(name)
+    try:
+        yield path
+    finally:
+        size, said = 0, dict[bytes, None]()
+        with path.open("rb") as printed:
+            for line in printed:
+                if line.startswith(b"gamekeeper: "):
+                    said[line] = None
+                else:
+                    size += len(line)
+        for line in said:
+            say(line.decode(errors="replace").rstrip())
+        if size:
+            say(f"note: the environment printed {size:,} bytes, which are in {path}")
+        else:
+            path.unlink()
+
+
+def _with_prints(result: AuditResult, prints: Path) -> AuditResult:
+    return replace(result, prints=str(prints)) if prints.exists() else result
+
+
+def _audited(
+    spec: str,
+    asked: Mapping[str, Any],
+    silence_s: float,
+    memory_bytes: int | None,
+    on_probe: OnProbe | None,
+) -> AuditResult:
+    """Tries until the process lives to the end; see `audit`."""
     died: dict[str, str] = {}
     while len(died) <= MOST_DEATHS:
         value = _tried(spec, asked, died, silence_s, memory_bytes, on_probe)

@@ -13,7 +13,6 @@ from gamekeeper.auditing.holds import CLASSES, ENTROPY, held_still
 from gamekeeper.auditing.judge import Judged, verdict_of
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.snippet import Home, snippet
-from gamekeeper.auditing.wrapper_faults import wrappers_of
 from gamekeeper.checks.case import Case, Reproducer
 from gamekeeper.checks.check import Check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -22,6 +21,7 @@ from gamekeeper.checks.reproducers import plays_repeat
 from gamekeeper.checks.verdict import Finding, Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import shown
+from gamekeeper.interface.wrapper_names import wrappers_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.reruns import shrink
 

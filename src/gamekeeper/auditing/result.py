@@ -28,6 +28,8 @@ class AuditResult:
         declared: the contract as plain data; None where there was none.
         source: `class`, `file` and `line` of the rules, as far as they are known.
         stopped: what ended the audit before its budget was spent; empty where nothing did.
+        prints: file that holds what the environment's process printed; empty where it printed
+            nothing, or ran in the caller's process.
     """
 
     environment: str
@@ -42,6 +44,7 @@ class AuditResult:
     declared: Mapping[str, Any] | None = None
     source: Mapping[str, Any] = field(default_factory=dict)
     stopped: str = ""
+    prints: str = ""
 
     @property
     def failed(self) -> tuple[Verdict, ...]:
@@ -91,6 +94,7 @@ class AuditResult:
             "declared": None if self.declared is None else dict(self.declared),
             "source": dict(self.source),
             "stopped": self.stopped,
+            "prints": self.prints,
         }
 
     @classmethod

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from gamekeeper.interface.identity import class_of
+from gamekeeper.interface.object_source import class_name
 
 THREADED: Final = frozenset({"jax", "jaxlib", "ray", "tensorflow"})
 """Packages that start threads once they are imported: a fork has none of them, and may wait."""
@@ -18,7 +19,7 @@ def source_of(env: Any) -> dict[str, Any]:
     Of an environment of another shape it is the guest's own class.
     """
     kind = class_of(env)
-    found: dict[str, Any] = {"class": f"{kind.__module__}.{kind.__qualname__}"}
+    found: dict[str, Any] = {"class": class_name(kind)}
     try:
         found["file"] = inspect.getsourcefile(kind)
         found["line"] = inspect.getsourcelines(kind)[1]

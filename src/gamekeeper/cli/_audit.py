@@ -8,12 +8,11 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import quote
 
 from gamekeeper._version import __version__
-from gamekeeper.cli._screen import Screen, document_text
+from gamekeeper.cli._screen import AROUND, Screen, document_text, fitted
 from gamekeeper.cli._worker import MEGABYTE, name_of
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.rollouts.executors import executor_of
@@ -39,6 +38,8 @@ from rich.text import Text
 
 # -- Progress on a terminal: the probe that runs, and an estimate of the time left
 
+TIMES: Final = len(" 0:00:00 about 1234 s left")
+"""Columns of time and time left, which aren't shortened."""
 ESTIMATED_FROM: Final = 0.15
 """Part of the work from which the time left is estimated."""
 
@@ -46,34 +47,41 @@ OnProbe = Callable[[str, int, int], None]
 
 
 @contextmanager
-def probing(shares: Mapping[str, float], *, is_shown: bool) -> Iterator[OnProbe]:
+def probing(
+    shares: Mapping[str, float], *, is_shown: bool, console: Console | None = None
+) -> Iterator[OnProbe]:
     """Shows a line on stderr; yields the function that an audit calls before each probe.
 
     Args:
         shares: shares of the probes that will run, in their order.
         is_shown: False: nothing is written.
+        console: in place of stderr's.
     """
     if not is_shown:
         yield lambda name, place, count: None
         return
+    console = console or Console(stderr=True)
     columns = (
         SpinnerColumn(),
         TextColumn("auditing"),
-        BarColumn(bar_width=24),
+        bar := BarColumn(),
         TextColumn("{task.description}"),
         TimeElapsedColumn(),
         _Left(),
     )
     total = sum(shares.values()) or 1.0
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("starting", total=total, since_s=time.monotonic(), part=0.0)
+    room = console.width - AROUND - len("auditing") - TIMES
+    with Progress(*columns, console=console, transient=True) as progress:
+        start = fitted(bar, ["starting"], room)
+        task = progress.add_task(start, total=total, since_s=time.monotonic(), part=0.0)
 
         def take(name: str, place: int, count: int) -> None:
             done = sum(list(shares.values())[:place])
+            counts = f"({place + 1} of {count})"
             progress.update(
                 task,
                 completed=done,
-                description=f"{name} ({place + 1} of {count})",
+                description=fitted(bar, [f"{name} {counts}", counts], room),
                 since_s=time.monotonic(),
                 part=done / total,
             )
@@ -118,45 +126,19 @@ def audit_with_progress(
     """
     from gamekeeper.auditing.audit_process import audit
 
-    kept, prints = mkstemp(prefix="gamekeeper-", suffix=".txt")
-    os.close(kept)
     is_dumb = os.environ.get("TERM") == "dumb"
     is_shown = not screen.is_quiet and sys.stderr.isatty() and not is_dumb
     shares = shares_of(select, ignore) if is_shown else {}
-    with _told_prints(screen, Path(prints)), probing(shares, is_shown=is_shown) as take:
+    with probing(shares, is_shown=is_shown) as take:
         return audit(
             spec,
             select=select,
             ignore=ignore,
             on_probe=take,
-            prints=prints,
+            say=screen.note,
             memory_bytes=None if memory_mb is None else memory_mb * MEGABYTE,
             **options,
         )
-
-
-@contextmanager
-def _told_prints(screen: Screen, path: Path) -> Iterator[None]:
-    """Says afterwards how much the environment printed and where it is; removes an empty file.
-
-    What Gamekeeper itself says there, in each of its processes, is said once and isn't counted.
-    """
-    try:
-        yield
-    finally:
-        size, said = 0, dict[bytes, None]()
-        with path.open("rb") as printed:
-            for line in printed:
-                if line.startswith(b"gamekeeper: "):
-                    said[line] = None
-                else:
-                    size += len(line)
-        for line in said:
-            screen.note(line.decode(errors="replace").rstrip())
-        if size:
-            screen.note(f"note: the environment printed {size:,} bytes, which are in {path}")
-        else:
-            path.unlink()
 
 
 def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:

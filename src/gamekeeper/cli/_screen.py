@@ -7,7 +7,7 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -189,20 +189,46 @@ def _painted(text: str, style: str) -> str:
     return f"\033[{';'.join(codes[word] for word in style.split())}m{text}\033[0m"
 
 
+WIDEST_BAR: Final = 24
+TIMES: Final = len(" 0:00:00 left: 0:00:00")
+"""Columns of time and time left, which aren't shortened."""
+AROUND: Final = len("* ") + len("  ")
+"""Columns of the spinner, and of the gaps around the bar."""
+
+
+def fitted(bar: BarColumn, texts: Sequence[str], room: int) -> str:
+    """The first of the texts that fits beside the bar, which gets the columns that are left.
+
+    Args:
+        texts: from the longest to the shortest; the last where none fits.
+        room: columns for both.
+    """
+    text = next((each for each in texts if len(each) < room), texts[-1])
+    bar.bar_width = min(max(room - len(text), 1), WIDEST_BAR)
+    return text
+
+
 @contextmanager
-def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Shows a line with counts, time and time left; yields a function for a task's reports."""
+def live_progress(
+    title: str, console: Console | None = None
+) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Shows a line with counts, time and time left; yields a function for a task's reports.
+
+    On a narrow terminal the bar and the counts are shortened, the times aren't.
+    """
+    console = console or Console(stderr=True)
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
+        bar := BarColumn(),
         TextColumn("{task.fields[counts]}"),
         TimeElapsedColumn(),
         TextColumn("left:"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title, total=None, counts="")
+    room = console.width - TIMES - AROUND - len(title)
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(title, total=None, counts=fitted(bar, [""], room))
         known: dict[str, Any] = {}
 
         def take(fields: dict[str, Any]) -> None:
@@ -212,19 +238,20 @@ def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
                 task,
                 total=known.get(of) if done in known else None,  # None: it pulses
                 completed=known.get(done, 0),
-                counts=_counts(known),
+                counts=fitted(bar, _counts(known), room),
             )
 
         yield take
 
 
-def _counts(known: dict[str, Any]) -> str:
+def _counts(known: dict[str, Any]) -> list[str]:
+    """Counts of a task, from the longest text to the shortest."""
     if "merged" in known:
-        return f"merging: {known['merged']:,} of {known['parts']:,} parts"
-    counts = []
-    if "episode" in known and "episodes" in known:
-        unit = known.get("unit", "episodes")
-        counts.append(f"{known['episode']:,} of {known['episodes']:,} {unit}")
-    if "turns" in known:
-        counts.append(f"{known['turns']:,} steps")
-    return ", ".join(counts)
+        parts = f"{known['merged']:,} of {known['parts']:,}"
+        return [f"merging: {parts} parts", parts]
+    steps = f"{known['turns']:,} steps" if "turns" in known else ""
+    if not ("episode" in known and "episodes" in known):
+        return [steps]
+    share = f"{known['episode']:,} of {known['episodes']:,}"
+    counts = f"{share} {known.get('unit', 'episodes')}"
+    return [f"{counts}, {steps}" if steps else counts, counts, share]

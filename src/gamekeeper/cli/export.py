@@ -67,7 +67,7 @@ def source_of(run: str, forms: Mapping[str, object]) -> tuple[Callable[..., Evid
         return None
     readers = {n: r for n, part in forms.items() if (r := getattr(part, "load", None)) is not None}
     if form not in readers:
-        raise _unknown("RUN", f"{form}:", [f"{name}:" for name in readers])
+        raise _unknown("FORM:DATA", f"{form}:", [f"{name}:" for name in readers])
     return readers[form], data
 
 

@@ -10,7 +10,9 @@ from gamekeeper.errors import GamekeeperError
 ORDER: Final = 121
 
 
-def command(screen: Screen, data: str, out: Path, agent: str | None = None) -> CommandResult:
+def command(
+    screen: Screen, data: str, out: Path, agent: str | None = None, joint: bool = False
+) -> CommandResult:
     """Imports a data set of Minari as a run.
 
     What the data set doesn't tell is listed on stderr and in the JSON document. `gamekeeper list
@@ -22,6 +24,8 @@ def command(screen: Screen, data: str, out: Path, agent: str | None = None) -> C
         data (FORM:DATA): Data of another form: minari:ID, minari:FOLDER.
         out (--out FOLDER): Folder of the run; it must not exist yet (required).
         agent (--agent AGENT): Name that the data's only agent gets (default: agent).
+        joint (--joint): Take each entry of the Dict spaces as an agent. Minari has one reward and
+            no order for all: both are unknown then, and the reward stands in infos as joint_reward.
     """
     from gamekeeper.reporting.results_text import counted, digests_text, summary_text
 
@@ -35,7 +39,16 @@ def command(screen: Screen, data: str, out: Path, agent: str | None = None) -> C
             fix=f"minari:{data}",
         )
     read, name = source
-    evidence = read(name, out, **({} if agent is None else {"agent": agent}))
+    if joint and agent is not None:
+        raise GamekeeperError(
+            "--agent names the data's only agent, and with --joint there are several",
+            where="--agent",
+            actual=agent,
+            fix="leave one of the two out",
+        )
+    given = {"agent": agent, "joint": joint or None}
+    with screen.progress("importing"):
+        evidence = read(name, out, **{key: x for key, x in given.items() if x is not None})
     imported = evidence.manifest["environment"].get("imported") or {}
     for each in imported.get("lacks", ()):
         screen.note(f"unknown: {each}")

@@ -28,6 +28,7 @@ from gamekeeper.diagnosis.open_setup import (
     check_last,
     consent_to,
     contract_of,
+    evidence_to_play,
     longest_of,
     other_policies,
     setup_of,
@@ -43,7 +44,6 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.interrupts import noted_if_interrupted
 from gamekeeper.rollouts.intervention import interventions
-from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.statistics.paired import FEWEST, paired_effect
 from gamekeeper.statistics.significance import holm
 
@@ -136,7 +136,7 @@ def diagnose(
     )
     if good is not None:
         return _written(compared(run, good, options), options.folder)
-    evidence = whole_evidence(run, env=env, allow_import=allow_import)
+    evidence = evidence_to_play(run, env=env, allow_import=allow_import)
     return _by_experiments(evidence, options)
 
 

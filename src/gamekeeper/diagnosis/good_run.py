@@ -12,7 +12,13 @@ from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Diagnosis, Run
 from gamekeeper.diagnosis.difference_search import CONFIRM, Chosen, DifferenceSearch
 from gamekeeper.diagnosis.experiment import fresh_seed
 from gamekeeper.diagnosis.judgement import Answer
-from gamekeeper.diagnosis.open_setup import consent_to, contract_of, longest_of, setup_of
+from gamekeeper.diagnosis.open_setup import (
+    consent_to,
+    contract_of,
+    evidence_to_play,
+    longest_of,
+    setup_of,
+)
 from gamekeeper.diagnosis.setup_differences import (
     SetupDifference,
     differences_of,
@@ -23,7 +29,6 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import LABELS, TEAM, Outcome, failed, failures, outcome_of
 from gamekeeper.rollouts.interrupts import noted_if_interrupted
-from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.statistics.significance import wilson
 
 
@@ -42,7 +47,7 @@ def compared(
         RunError: there is no run, or another experiment's outcomes lie in the folder.
     """
     one, two = (
-        whole_evidence(run, env=options.env, allow_import=options.allow_import)
+        evidence_to_play(run, env=options.env, allow_import=options.allow_import)
         for run in (bad, good)
     )
     contract = contract_of(one, options.contract)

@@ -31,6 +31,7 @@ from gamekeeper.rollouts.reruns import play_of
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, NAMES, object_of_this_process
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.consent import Consent, consented
+from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.runs.recorder import RunRecorder
 from gamekeeper.runs.recording import joint_policy_of
 from gamekeeper.runs.replay_runner import ReplayRunner
@@ -114,6 +115,22 @@ class Setup:
             **{name: frozen(data[name]) for name in ("spec", "policies", "forgets", "renews")},
             most_turns=data["most_turns"],
         )
+
+
+def evidence_to_play(
+    run: str | PathLike[str] | Evidence, *, env: object | None = None, allow_import: bool = False
+) -> Evidence:
+    """The whole evidence of a run that will be played again.
+
+    Raises:
+        SpecError: it is an imported data set, and no environment is named.
+        GamekeeperError: as `whole_evidence`.
+    """
+    evidence = whole_evidence(run, env=env, allow_import=allow_import)
+    identity = evidence.manifest["environment"]
+    if env is None and identity.get("imported"):
+        spec_of(identity)  # says what to do
+    return evidence
 
 
 def setup_of(

@@ -11,6 +11,7 @@ from gamekeeper.diagnosis.open_setup import (
     Setup,
     consent_to,
     contract_of,
+    evidence_to_play,
     other_policies,
     recorded_episode_of,
     setup_of,
@@ -24,7 +25,6 @@ from gamekeeper.rollouts.continuations import Continuations
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.interrupts import noted_if_interrupted
 from gamekeeper.runs.consent import evidence_of
-from gamekeeper.runs.expanding import whole_evidence
 
 BUDGET: Final = 100_000
 """Env steps for all episodes unless told otherwise."""
@@ -67,7 +67,7 @@ def pivots(
             reproducible.
         ContractError: nothing says when an episode failed.
     """
-    evidence = whole_evidence(run, allow_import=allow_import)
+    evidence = evidence_to_play(run, allow_import=allow_import)
     declared = contract_of(evidence, contract)
     conditions = failures(declared, failed, evidence.episodes)
     scopes = _failed_scopes(evidence, conditions, declared)

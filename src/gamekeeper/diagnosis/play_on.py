@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.spaces import Discrete
 
-from gamekeeper.diagnosis.open_setup import Setup, consent_to, setup_of
+from gamekeeper.diagnosis.open_setup import Setup, consent_to, evidence_to_play, setup_of
 from gamekeeper.diagnosis.plain_data import frozen
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError, GamekeeperError
@@ -23,7 +23,7 @@ from gamekeeper.interface.policy import shared_with
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.consent import evidence_of
-from gamekeeper.runs.expanding import OWN_RULES, whole_evidence
+from gamekeeper.runs.expanding import OWN_RULES
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.standing import choices_in
 from gamekeeper.runs.worker_errors import error_in
@@ -321,7 +321,7 @@ def _in_worker(
     on_message: Progress | None,
 ) -> tuple[dict[str, Any], str]:
     """Runs a task under consent; its answer, and the rule by which code of the run was run."""
-    evidence = whole_evidence(run, allow_import=options.allow_import)
+    evidence = evidence_to_play(run, allow_import=options.allow_import)
     setup = _setup(evidence, branch, options)
     chosen = [name for name in options.tried if name == branch.policy or kind == "offers"]
     allowed = {*BUILT_IN, *options.tried, *policies_in(setup)}

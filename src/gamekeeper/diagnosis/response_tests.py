@@ -17,7 +17,7 @@ from gymnasium.spaces import Box, Space
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.diagnosis.open_setup import OpenSetup, consent_to, setup_of
+from gamekeeper.diagnosis.open_setup import OpenSetup, consent_to, evidence_to_play, setup_of
 from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes import canonical
 from gamekeeper.episodes.episode import Episode
@@ -29,7 +29,6 @@ from gamekeeper.randomness.seeds import policy_rng
 from gamekeeper.rollouts.interventions.fields import NumberField, observed_fields
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 from gamekeeper.rollouts.interventions.value_parts import WIDEST, numbers_of, parts_of
-from gamekeeper.runs.expanding import whole_evidence
 
 Feed: TypeAlias = Sequence[tuple[Any, Any]]
 """Observation and info of each decision of an agent in an episode."""
@@ -351,7 +350,7 @@ def responses(
         RunError: there is no run.
         PolicyError: a policy can't be found, or raised.
     """
-    evidence = whole_evidence(run, env=env, allow_import=allow_import)
+    evidence = evidence_to_play(run, env=env, allow_import=allow_import)
     setup = setup_of(evidence, env=env, policies=policies)
     episodes = [episode for _, episode in zip(range(FEEDS), evidence.episodes, strict=False)]
     consent = consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.open_setup import recorder_of
+from gamekeeper.diagnosis.open_setup import evidence_to_play, recorder_of
 from gamekeeper.diagnosis.plain_data import PlainData
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import TEAM, failed, failures
@@ -21,7 +21,6 @@ from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.reruns import play_of, shrink
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.consent import consented
-from gamekeeper.runs.expanding import whole_evidence
 
 TRIES: Final = 2_000
 """Plays that the search may take unless told otherwise."""
@@ -91,7 +90,7 @@ def shrunk(
         TrustError: the evidence names code that nobody allowed to run.
         ContractError: nothing says when an episode failed.
     """
-    evidence = whole_evidence(run, env=env, allow_import=allow_import)
+    evidence = evidence_to_play(run, env=env, allow_import=allow_import)
     declared = evidence.contract if contract is None else contract
     with (
         consented(evidence, doing="playing this run again", env=env, allow_import=allow_import),

@@ -60,7 +60,8 @@ def spec_of(identity: Mapping[str, Any]) -> str:
     """The text that opens the environment of an identity, with its API in front.
 
     Raises:
-        SpecError: the identity is damaged, or is that of an object or a factory in memory.
+        SpecError: the identity is damaged, or is that of an object or a factory in memory, or of an
+            imported data set.
     """
     given = identity if isinstance(identity, Mapping) else {}  # it may come from a damaged file
     kind, entry_point, api = (given.get(key) for key in ("kind", "entry_point", "api"))
@@ -70,6 +71,13 @@ def spec_of(identity: Mapping[str, Any]) -> str:
             expected="texts under 'kind' and 'entry_point', 'aec' or 'parallel' under 'api'",
             actual=repr(identity)[:200],
             fix="name the environment yourself",
+        )
+    if given.get("imported"):
+        raise SpecError(
+            "an imported data set holds neither environment nor policies, so it can't be played",
+            actual=entry_point,
+            fix="show, query, report and audit RUN read what it holds; diagnose and attribute play "
+            "what you name: --env ENV --policy POLICY (env=, policies=)",
         )
     if kind in _IN_MEMORY:
         raise SpecError(

@@ -52,6 +52,14 @@ def place_of(part: Callable[..., Any]) -> Facts:
     return {"kind": "module", "entry_point": f"{module}:{name}"}
 
 
+def class_name(kind: type) -> str:
+    """A class with its module; of a file that was loaded by its path the stem, not its prefix."""
+    module = kind.__module__
+    file = getattr(sys.modules.get(module), "__file__", None)
+    home = Path(file).stem if file and module.startswith(FILE_MODULE) else module
+    return f"{home}.{kind.__qualname__}"
+
+
 def facts_of(env: Any) -> Facts:
     """Entries of the identity of an environment object, by which it is built again.
 

@@ -5,9 +5,7 @@ converter that computes an observation for each agent-step and drops it. Here on
 the raw rules in their place, with the same promises and the same rows.
 """
 
-import sys
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, Final
 
 from pettingzoo import AECEnv, ParallelEnv
@@ -16,7 +14,7 @@ from pettingzoo.utils.conversions import aec_to_parallel_wrapper, parallel_to_ae
 from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.interface.author_calls import AgentId
-from gamekeeper.interface.object_source import FILE_MODULE
+from gamekeeper.interface.object_source import class_name
 from gamekeeper.interface.slim_aec import CLIP, REFUSE, Promises, SlimAEC, bounded
 from gamekeeper.interface.to_aec import ToAEC
 from gamekeeper.interface.to_parallel import Step, ToParallel, Totals
@@ -69,17 +67,10 @@ def described_slim(env: Any) -> tuple[str, ...]:
     while type(inside) in SLIM_CLASSES:
         inside = inside.env
     while inside is not inside.unwrapped and hasattr(inside, "env"):
-        lines.append(f"stays: {_home(type(inside))}.{type(inside).__qualname__}")
+        lines.append(f"stays: {class_name(type(inside))}")
         inside = inside.env
     rules = type(inside.unwrapped)
-    return (*lines, f"environment: {_home(rules)}.{rules.__qualname__}")
-
-
-def _home(kind: type) -> str:
-    """A class's module; of a file that was opened by its path the stem, not our name for it."""
-    module = kind.__module__
-    file = getattr(sys.modules.get(module), "__file__", None)
-    return Path(file).stem if file and module.startswith(FILE_MODULE) else module
+    return (*lines, f"environment: {class_name(rules)}")
 
 
 def _peeled(env: Any) -> tuple[Any, Promises, tuple[str, ...]]:

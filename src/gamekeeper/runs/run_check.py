@@ -39,11 +39,12 @@ DIGITS: Final = re.compile(rf"(?:({'|'.join(LEVELS)}):)?([0-9a-f]{{32,64}})")
 """Level of a fingerprint and digits: so many of the first that they can't be forged, or all."""
 NOTHING_GIVEN: Final = (
     "not checked: that this is the run that you mean; whoever made it can make all its digests "
-    "fit. --root X compares it with a root digest that you got another way"
+    "fit. --root X (in Python, root=X) compares it with a root digest that you got another way"
 )
 FINGERPRINT_GIVEN: Final = (
     "not checked: infos, contract, policies, how episodes ended, timings and versions, which no "
-    "fingerprint covers. --root X compares them with a root digest that you got another way"
+    "fingerprint covers. --root X (in Python, root=X) compares them with a root digest that you "
+    "got another way"
 )
 
 
@@ -324,7 +325,7 @@ def _mistaken(option: str, given: str) -> EvidenceError:
         f"this is {kind}, not a {'root digest' if is_root else 'fingerprint'}",
         where=f"--{option}",
         actual=repr(given[:80]),
-        fix=f"give it to --{other}; `gamekeeper show RUN` prints both digests",
+        fix=f"give it to --{other} (in Python, {other}=); `gamekeeper show RUN` prints both",
     )
 
 

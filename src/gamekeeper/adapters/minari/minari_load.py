@@ -437,7 +437,7 @@ def _script(raw: Mapping[str, Any], sides: Any, *, agent: str, joint: bool) -> S
                 where="joint",
                 expected="two Dict spaces with the same keys",
                 actual=f"{sides[0]!r:.100}",
-                fix="without joint it is one agent's",
+                fix="without --joint (in Python, joint=True) it is one agent's",
             )
         # a Dict space sorts its keys, an export of ours tells the order of agents
         names = ours["agents"] if ours.get("kind") == "joint" else sides[0].spaces

@@ -44,6 +44,7 @@ from gamekeeper.diagnosis.open_setup import (
     check_last,
     consent_to,
     contract_of,
+    evidence_to_play,
     other_policies,
     setup_of,
 )
@@ -53,7 +54,6 @@ from gamekeeper.episodes.opposition import opponents_in
 from gamekeeper.episodes.outcome import outcome_of
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
-from gamekeeper.runs.expanding import whole_evidence
 
 FRESH: Final = 50
 """Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
@@ -116,7 +116,7 @@ def attribute(
             would be replaced in fresh ones.
         RunError: there is no run, or another attribution lies in `out`.
     """
-    evidence = whole_evidence(run, env=env, allow_import=allow_import)
+    evidence = evidence_to_play(run, env=env, allow_import=allow_import)
     declared = contract_of(evidence, contract)
     evidence = replace(evidence, manifest={**evidence.manifest, "contract": declared.to_json()})
     setup = _setup(evidence, env=env, policies=policies)
