@@ -1,6 +1,6 @@
 """Runs EPyMARL's own training loop on an environment of ours, and judges what its buffer holds.
 
-Needs a checkout of EPyMARL, torch and PyYAML (the environment that `make trainer-test TRAINER=tianshou` makes):
+Needs a checkout of EPyMARL, torch and PyYAML (in Tianshou's environment, say):
 
     git clone https://github.com/uoe-agents/epymarl && git -C epymarl checkout COMMIT
     python benchmarks/epymarl_inside.py epymarl/src [--algorithms iql qmix vdn]

@@ -1,6 +1,6 @@
 """EPyMARL's QMIX learns an environment of one's own, in EPyMARL's own loop: `corridor.py`.
 
-Needs a checkout of EPyMARL, torch and PyYAML (the environment that `make trainer-test TRAINER=tianshou` makes):
+Needs a checkout of EPyMARL, torch and PyYAML (in Tianshou's environment, say):
 
     git clone https://github.com/uoe-agents/epymarl
     git -C epymarl checkout cbc38c09588064eab978501d0f12c2cf58fa7fc2
