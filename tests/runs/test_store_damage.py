@@ -362,3 +362,12 @@ def test_table_without_a_column_that_readers_need_is_refused(
     finalize_again(run, checksums=checksums)
     with pytest.raises(RunError, match=rf"columns that a run doesn't hold.*\n.*{column}"):
         load(run)
+
+
+def test_stream_that_claims_to_be_small_keeps_its_columns(tmp_path: Path) -> None:
+    """Only episodes and rows leave columns out at level actions, whatever a file says."""
+    names = ["episode", "turn", "state"]
+    schema = pa.schema([(name, pa.int32()) for name in names], metadata={"level": "actions"})
+    table = pa.table([pa.array([0], pa.int32())] * 3, schema=schema)
+    pq.write_table(table, tmp_path / "states.parquet")
+    assert TableReader(tmp_path / "states.parquet", "states").schema.names == names
