@@ -19,7 +19,7 @@ MOST_OTHERS: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class ReplacedAction:
+class OwnerTrial:
     """One agent's action, replaced by another one.
 
     Attributes:
@@ -44,9 +44,9 @@ class Owners:
 
     agents: Sequence[str]
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
-    trials: dict[tuple[str, str], ReplacedAction] = field(default_factory=dict)
+    trials: dict[tuple[str, str], OwnerTrial] = field(default_factory=dict)
 
-    def note(self, agent: str, moved: Sequence[str], trial: ReplacedAction) -> None:
+    def note(self, agent: str, moved: Sequence[str], trial: OwnerTrial) -> None:
         """Notes whose an action moved."""
         for other in moved:
             self.counts[agent, other] += 1
@@ -122,7 +122,7 @@ def doings(evidence: ProbeEvidence) -> Doings:
         if turn not in base or turn not in changed or sorted(left_at(trial.base, turn)) != roster:
             continue
         choice = changed[turn].actions.get(agent, trial.change["action"])
-        replaced = ReplacedAction(trial.base.at(turn, agent, "actions"), turn, choice)
+        replaced = OwnerTrial(trial.base.at(turn, agent, "actions"), turn, choice)
         one, two = base[turn].rewards, changed[turn].rewards
         moved = [n for n in roster if one.get(n, 0.0) != two.get(n, 0.0)]
         found.rewards.note(agent, moved, replaced)
@@ -147,7 +147,7 @@ def _note_moves(found: Doings, fact: Fact[MoveTrial], shape: EpisodeShape) -> No
     if trial.is_shifted or has_ended or sorted(shape.first) != roster or set(roster) - set(paid):
         return
     where = replace(fact.where, agent=trial.agent, field="actions")
-    replaced = ReplacedAction(where, trial.turn, trial.choice)
+    replaced = OwnerTrial(where, trial.turn, trial.choice)
     found.rewards.note(trial.agent, [name for name in roster if paid[name]], replaced)
     ended = [each.target for each in looks if each.on == "ending" and each.is_changed]
     found.endings.note(trial.agent, ended if len(ended) == 1 else [], replaced)
