@@ -209,6 +209,7 @@ class Numbered(Sound):
 
     def __init__(self) -> None:
         super().__init__()
+        # agents that are no texts, which is what these games are about
         self.possible_agents = [Walker(0), Walker(1)]  # type: ignore[list-item]
 
 

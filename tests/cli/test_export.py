@@ -70,11 +70,13 @@ def test_export_says_on_stderr_what_is_lost(
             "the run has no agent called 'wolf'",
         ),
         (["nothing", "--to", "numpy", "--out", "x"], "there is no run here"),
-        (["numpy:x.npz", "--to", "run", "--out", "x"], "nothing reads 'numpy:'"),
         (["RUN"], "Missing option"),
+        (["import", "RUN", "--out", "x"], "names no form of data"),
+        (["import", "numpy:x.npz", "--out", "x"], "nothing reads 'numpy:'"),
+        (["import", "minari:a/b-v0"], "Missing option"),
     ],
 )
-def test_export_refuses_what_makes_no_sense(
+def test_export_and_import_refuse_what_makes_no_sense(
     words: list[str],
     told: str,
     line_run: Path,
@@ -85,34 +87,11 @@ def test_export_refuses_what_makes_no_sense(
     """Exit code 2, the reason on stderr, nothing on stdout or on disk."""
     monkeypatch.chdir(tmp_path)
     line = [str(line_run) if word == "RUN" else word for word in words]
-    code, out, err = said(capfd, "export", *line)
+    command = [] if line[0] == "import" else ["export"]
+    code, out, err = said(capfd, *command, *line)
     assert (code, out) == (2, "")
     assert told in err
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (["RUN", "--out", "x"], "names no form of data"),
-        (["numpy:x.npz", "--out", "x"], "nothing reads 'numpy:'\n  where: FORM:DATA"),
-        (["minari:a/b-v0"], "Missing option"),
-    ],
-)
-def test_import_refuses_what_makes_no_sense(
-    words: list[str],
-    told: str,
-    line_run: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    """Exit code 2, the reason on stderr, nothing on stdout or on disk."""
-    monkeypatch.chdir(tmp_path)
-    line = [str(line_run) if word == "RUN" else word for word in words]
-    code, out, err = said(capfd, "import", *line)
-    assert (code, out, list(tmp_path.iterdir())) == (2, "", [])
-    assert told in err
 
 
 def test_export_replaces_an_earlier_file_and_keeps_evidence(

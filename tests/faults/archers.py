@@ -17,7 +17,11 @@ RINGS = 20
 class Archers(AECEnv):
     """Archers shoot in turn, each at a ring of its own that moves, and are paid for a hit."""
 
-    metadata = {"name": "archers_v0", "render_modes": [], "is_parallelizable": False}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        "name": "archers_v0",
+        "render_modes": [],
+        "is_parallelizable": False,
+    }
 
     def __init__(self, count: int = 3, rounds: int = 20, render_mode: str | None = None) -> None:
         super().__init__()

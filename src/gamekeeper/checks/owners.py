@@ -47,15 +47,16 @@ class Owners:
     trials: dict[tuple[str, str], OwnerTrial] = field(default_factory=dict)
 
     def note(self, agent: str, moved: Sequence[str], trial: OwnerTrial) -> None:
-        """Notes whose an action moved."""
+        """Notes the agents of which an action moved something."""
         for other in moved:
             self.counts[agent, other] += 1
             self.trials.setdefault((agent, other), trial)
 
     def by_agent(self) -> dict[str, str]:
-        """The agent whose each one's actions move, another one for each of two agents at least.
+        """For each agent the one of which its actions move something, a different one for each.
 
-        It is empty where there is none, or actions of an agent move that of several.
+        It is empty where that is seen of fewer than two agents or half of them, or where an agent's
+        actions move something of several.
         """
         found = {}
         for agent in self.agents:
