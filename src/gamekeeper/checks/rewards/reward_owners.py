@@ -7,11 +7,13 @@ from typing import Any, Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, Case, Cases, check
 from gamekeeper.checks.effects import by_turn
+from gamekeeper.checks.facts.form_facts import EpisodeShape, MoveTrial
 from gamekeeper.checks.owners import doings, is_crossed, is_own, left_at
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
+from gamekeeper.checks.probe_evidence import Fact, ProbeCounterfactual, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.where import Where
 
 LEAST_OWN: Final = 10
 """Replaced actions, at other times, that moved their own agent's reward alone."""
@@ -48,14 +50,17 @@ class _Paid:
     """A replaced action that moved rewards of its own step.
 
     Attributes:
+        where: episode, turn and agent.
+        choice: the other action.
         when: `whole` (no agent has left), `leaving` (some leave in the step), `left`.
         moved: agents whose rewards it moved.
         shifted: agent that a shift by those who left predicts; the agent itself where it is none.
     """
 
-    trial: ProbeCounterfactual
+    where: Where
     agent: str
     turn: int
+    choice: Any
     when: str
     moved: frozenset[str]
     shifted: str
@@ -65,6 +70,7 @@ class _Paid:
     "GK415",
     HIGH,
     "influence",
+    "form",
     confidence=0.9,
     looks_at="ten replaced actions that move a reward of their own step while all agents are in "
     "the game, and four after some have left",
@@ -90,8 +96,7 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
     Fix: look rewards up by the agent's name, or by its place in possible_agents, never by its place
     among the agents that are left
     """
-    trials = [each for each in evidence.counterfactuals("influence") if each.noise is None]
-    found = [paid for each in trials if (paid := _paid(each)) is not None]
+    found = _found(evidence)
     whole = [each for each in found if each.when == "whole"]
     if not whole or any(each.moved != {each.agent} for each in whole):
         return
@@ -107,15 +112,23 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
 def _shifts(found: Sequence[_Paid], is_shift: bool) -> Cases:
     """Cases of replaced actions that moved rewards."""
     for each in found:
-        actions = by_turn(each.trial.episode, each.turn)[each.turn].actions
-        choice = actions.get(each.agent, each.trial.change["action"])
         yield Case(
-            each.trial.base.at(each.turn, each.agent, "rewards"),
+            each.where,
             not is_shift,
             "its own reward, as while all were in the game",
             f"another action of {each.agent!r} moves the reward of {each.shifted!r} alone",
-            _proof(each.turn, choice, each.agent, each.shifted) if is_shift else None,
+            _proof(each.turn, each.choice, each.agent, each.shifted) if is_shift else None,
         )
+
+
+def _found(evidence: ProbeEvidence) -> list[_Paid]:
+    """Replaced actions that moved rewards of their step, of the probes `influence` and `form`."""
+    trials = [each for each in evidence.counterfactuals("influence") if each.noise is None]
+    shapes = {fact.where.play: fact.value for fact in evidence.facts(EpisodeShape)}
+    moves = [each for each in evidence.facts(MoveTrial) if each.where.play in shapes]
+    found = [_paid(each) for each in trials]
+    found += [_paid_by_move(each, shapes[each.where.play]) for each in moves]
+    return [each for each in found if each is not None]
 
 
 def _paid(trial: ProbeCounterfactual) -> _Paid | None:
@@ -128,14 +141,55 @@ def _paid(trial: ProbeCounterfactual) -> _Paid | None:
     moved = frozenset(n for n in names if one.rewards.get(n, 0.0) != two.rewards.get(n, 0.0))
     roster, left = left_at(trial.base, 0), left_at(trial.base, turn)
     then, other = (left_at(each, turn + 1) for each in (trial.base, trial.episode))
-    if not moved or agent not in left or then != other or not set(one.live) <= set(roster):
+    if then != other or not set(one.live) <= set(roster):
+        return None
+    choice = two.actions.get(agent, trial.change["action"])
+    where = trial.base.at(turn, agent, "rewards")
+    return _placed(where, agent, turn, choice, moved, (roster, left, then))
+
+
+def _paid_by_move(fact: Fact[MoveTrial], shape: EpisodeShape) -> _Paid | None:
+    """The same of a replaced move of the probe `form`."""
+    trial, roster = fact.value, list(shape.first)
+    looks = [each for each in trial.looks if each.turn == trial.turn]
+    paid = {each.target: each.is_changed for each in looks if each.on == "reward"}
+    left, then = (
+        [n for n in roster if all(e.agent != n or e.step >= step for e in shape.endings)]
+        for step in (trial.turn, trial.turn + 1)
+    )
+    ends_alike = not any(each.is_changed for each in looks if each.on == "ending")
+    is_other = any(number < trial.round for _, number in (*shape.joined, *shape.left))
+    if trial.is_shifted or is_other or not ends_alike or set(left) - set(paid):
+        return None
+    moved = frozenset(name for name, is_changed in paid.items() if is_changed)
+    where = replace(fact.where, agent=trial.agent, field="rewards")
+    return _placed(where, trial.agent, trial.turn, trial.choice, moved, (roster, left, then))
+
+
+def _placed(
+    where: Where,
+    agent: str,
+    turn: int,
+    choice: Any,
+    moved: frozenset[str],
+    rosters: tuple[Sequence[str], Sequence[str], Sequence[str]],
+) -> _Paid | None:
+    """What was moved, with the agent that a shift by those who left predicts; None if nothing.
+
+    Args:
+        rosters: agents of the reset, of the step's start, and of its end.
+    """
+    roster, left, then = rosters
+    if not moved or agent not in left:
         return None
     if left != roster:
         place = roster.index(agent)
-        return _Paid(trial, agent, turn, "left", moved, left[place] if place < len(left) else "")
+        shifted = left[place] if place < len(left) else ""
+        return _Paid(where, agent, turn, choice, "left", moved, shifted)
     if then != left and agent in then:
-        return _Paid(trial, agent, turn, "leaving", moved, left[then.index(agent)])
-    return _Paid(trial, agent, turn, "whole", moved, agent) if then == left else None
+        shifted = left[then.index(agent)]
+        return _Paid(where, agent, turn, choice, "leaving", moved, shifted)
+    return _Paid(where, agent, turn, choice, "whole", moved, agent) if then == left else None
 
 
 def _proof(turn: int, choice: Any, agent: str, other: str) -> Reproducer:
