@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pytest
@@ -85,6 +87,29 @@ def test_recorded_copies_replay(tmp_path: Path) -> None:
         prints[level] = gk.load(path).fingerprint.partition(":")[2]
         assert gk.replay(path).verified
     assert prints["full"] == prints["digest"]
+
+
+STEPS: Final = """
+import sys
+import gamekeeper as gk
+from gamekeeper.vector import make, vector_rows
+vector_rows.FLUSH_TURNS = 1  # rows are written as soon as an episode is over
+venv = gk.record(make(sys.argv[1], 2, engine="serial"), sys.argv[2], level="actions")
+before = set(sys.modules)
+_, infos = venv.reset()
+nothing = venv.action_space.sample() * 0
+while not infos["over"].any():
+    infos = venv.step(nothing)[4]
+venv.step(nothing)
+print(sorted(set(sys.modules) - before))
+"""
+
+
+def test_recording_copies_imports_nothing_in_a_step(tmp_path: Path) -> None:
+    """The step in which rows are first written doesn't wait for pandas, which Arrow imports."""
+    command = [sys.executable, "-c", STEPS, f"{HERE}:Walk", str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
 
 
 def test_recording_begins_before_the_first_reset(tmp_path: Path) -> None:

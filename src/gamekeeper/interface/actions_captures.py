@@ -103,48 +103,40 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
             self.fail(traceback_text(error), in_step=True)
             raise
         self._failure = None
-        parts = _five(out) or NO_PARTS
+        parts = out if out.__class__ is tuple and len(out) == 5 else _five(out) or NO_PARTS
         self._half = self.turn, payloads, parts, _UNTIMED
-        self._observations, self._infos = parts[0], parts[4]
-        if not self._goes_on(payloads, *parts):
+        observations, rewards, terms, truncs, infos = parts
+        self._observations, self._infos = observations, infos
+        # One walk over the agents looks at all that there is to look at, and in place, as this is
+        # what most ticks cost. Of the rows that wait, those of the last tick, none is written anew.
+        who, paid = self._row_agents, list[Any]()
+        if (
+            self.turn + 1 < self._quiet_below
+            and getattr(self.env, "agents", None) == who
+            and observations.__class__ is terms.__class__ is truncs.__class__ is dict
+            and rewards.__class__ in DICTS
+            and len(observations) == len(rewards) == len(terms) == len(truncs) == len(who)
+        ):
+            reward_of = rewards.get  # to look into a defaultdict would add to it
+            try:
+                for agent in who:
+                    reward = reward_of(agent)
+                    if (
+                        terms[agent] is not False
+                        or truncs[agent] is not False
+                        or (reward.__class__ is not float and reward.__class__ not in FLOATS)
+                        or agent not in observations
+                    ):
+                        break
+                    paid.append(reward)
+            except KeyError:
+                pass
+        if len(paid) == len(who):
+            self._commit_usual(self._indexes, payloads, paid)
+        else:
             self._pass_over(payloads, parts)
         self._half = None
         return out
-
-    def _goes_on(
-        self, payloads: list[Any], observations: Any, rewards: Any, terms: Any, truncs: Any, _: Any
-    ) -> bool:
-        """Books a usual tick that another usual one follows; False, and nothing done, if it isn't.
-
-        This is all that most ticks cost, so one walk over the agents looks at all that there is to
-        look at. The rows that wait are those of the last tick: nothing of them is written anew.
-        """
-        who, coming = self._row_agents, self.turn + 1
-        count = len(who)
-        if (
-            coming >= self._quiet_below
-            or getattr(self.env, "agents", None) != who
-            or not observations.__class__ is terms.__class__ is truncs.__class__ is dict
-            or rewards.__class__ not in DICTS
-            or not len(observations) == len(rewards) == len(terms) == len(truncs) == count
-        ):
-            return False
-        paid, reward_of = [], rewards.get  # to look into a defaultdict would add to it
-        try:
-            for agent in who:
-                reward = reward_of(agent)
-                if (
-                    terms[agent] is not False
-                    or truncs[agent] is not False
-                    or (reward.__class__ is not float and reward.__class__ not in FLOATS)
-                    or agent not in observations
-                ):
-                    return False
-                paid.append(reward)
-        except KeyError:
-            return False
-        self._commit_usual(self._indexes, payloads, paid)
-        return True
 
     def _pass_over(self, payloads: list[Any], parts: tuple[Any, ...]) -> None:
         """Books a tick whose actions were usual, and begins the rows of whatever follows."""

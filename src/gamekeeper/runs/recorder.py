@@ -181,9 +181,6 @@ class RunRecorder:
             "extra": extra,
         }
         self._is_timed = is_timed
-        # pyarrow imports pandas, where it is installed, with the first array that it makes. That
-        # takes from 0.3 s to seconds: nothing waits for it here, but turns would in the first flush
-        pa.array([0])
         # absolute: the environment may change the working directory before the run is finalized
         manifest = manifest_of(**self._facts)
         self._ring = ring
@@ -393,6 +390,9 @@ def _created(
     path: str | PathLike[str], manifest: dict[str, Any], ring: RingLedger | None, *, durable: bool
 ) -> RunStore:
     """Writer of a run that retains all, or what `ring` says."""
+    # pyarrow imports pandas, where it is installed, with the first array that it makes. That takes
+    # from 0.3 s to seconds: nothing waits for it here, but turns would in the first flush
+    pa.array([0])
     folder = Path(path).absolute()
     if ring is None:
         return RunStore.create(folder, manifest, durable=durable)
