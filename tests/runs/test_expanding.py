@@ -233,9 +233,11 @@ def test_workers_record_the_same_small_run(tmp_path: Path) -> None:
 
 def test_first_finished_episode_is_checked(tmp_path: Path) -> None:
     """The manifest says what came out, and evidence shows it with the line that expands."""
-    small = gk.rollout("two_robot_line", episodes=2, out=tmp_path / "small", level="actions")
+    run = tmp_path / "a small run"
+    small = gk.rollout("two_robot_line", episodes=2, out=run, level="actions")
     assert small.manifest["checked"] == {"episode": 0, "outcome": "passed", "why": None}
-    assert f"gamekeeper expand {tmp_path / 'small'} OUT" in str(small)
+    assert f"gamekeeper expand '{run}' OUT" in str(small)
+    assert f"gamekeeper report '{run}' --expand" in str(small)
 
 
 def test_check_says_at_once_what_does_not_come_out_again(
