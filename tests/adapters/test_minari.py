@@ -173,6 +173,20 @@ def test_joint_data_set_is_read_as_the_same_evidence(spec: Any, tmp_path: Path) 
         assert one.steps.to_pylist() == two.steps.to_pylist()
 
 
+def test_joint_data_set_replays_in_the_environment_that_is_named(tmp_path: Path) -> None:
+    """Seeds and actions are those of the run, so all turns are; without a name there is none."""
+    from gamekeeper.adapters.minari import load
+
+    _, written = exported(gk.rollout("two_robot_line", episodes=2, seed=5), tmp_path / "data")
+    load(tmp_path / "data" / written.parts[-1], tmp_path / "run")
+    assert gk.replay(tmp_path / "run", env="two_robot_line").verified
+    unnamed = gk.replay(tmp_path / "run")
+    assert unnamed.verified is False
+    assert unnamed.reason == "an imported data set holds no environment: name it with --env"
+    with pytest.raises(EvidenceError, match=r"name one, as in minari:.*carrier-v0"):
+        load(tmp_path / "data")
+
+
 def test_agent_of_ours_is_read_as_its_own_decisions(tmp_path: Path) -> None:
     """Masks, infos and terms come back; what an agent's data set doesn't say is named."""
     from gamekeeper.adapters.minari import load
@@ -191,8 +205,9 @@ def test_agent_of_ours_is_read_as_its_own_decisions(tmp_path: Path) -> None:
     imported = again.manifest["environment"]["imported"]
     assert imported["recorded"]["fingerprint"] == evidence.fingerprint
     assert "the other agents" in imported["lacks"]
-    assert gk.replay(tmp_path / "run").verified is False
-    assert "--env" in str(gk.replay(tmp_path / "run").reason)
+    replayed = gk.replay(tmp_path / "run", env="handover")
+    assert (replayed.verified, replayed.divergence) == (False, None)
+    assert "no actions of the others" in str(replayed.reason)
 
 
 def foreign(out: Path, observation: Any, action: Any, **columns: Any) -> str:

@@ -77,6 +77,29 @@ def test_new_package_passes_its_own_tests(
     assert "warning" not in done.stdout
 
 
+@pytest.mark.parametrize("answers", [AEC, PARALLEL, VARIANTS["rotating"]])
+def test_new_package_has_sound_types(
+    answers: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """`mypy --strict`, `ruff check` and `ruff format` find nothing in a package, tests included."""
+    document(capfd, "new", "my_task", *answers.split(), "--yes", "--out", tmp_path)
+    programs = (
+        ["mypy", "--strict", "."],
+        ["ruff", "check", "--no-cache", "."],
+        ["ruff", "format", "--no-cache", "--check", "."],
+    )
+    for words in programs:
+        done = subprocess.run(
+            [sys.executable, "-m", *words],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=240,
+        )
+        assert done.returncode == 0, done.stdout
+
+
 def test_new_package_passes_the_audit_of_its_ci(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

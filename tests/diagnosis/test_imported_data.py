@@ -38,3 +38,15 @@ def test_data_set_is_diagnosed_in_an_environment_that_is_named(data_set: gk.Evid
         data_set, env="two_robot_line", policies={"*": "random"}, episodes=2, action_episodes=0
     )
     assert set(found.agents) == {"picker", "carrier"}
+
+
+def test_environment_with_other_agents_is_refused() -> None:
+    """What is measured in it would be no answer about the run's agents, not even a 0."""
+    evidence = gk.rollout("two_robot_line", episodes=1, policies="random", seed=1)
+    named: dict[str, Any] = {"env": "warehouse", "policies": {"*": "random"}}
+    with pytest.raises(SpecError, match="has other agents than the run") as caught:
+        gk.attribute(evidence, **named)
+    assert caught.value.expected == "picker, carrier"
+    assert "picker_0" in caught.value.actual
+    with pytest.raises(SpecError, match="has other agents than the run"):
+        gk.diagnose(evidence, failed="return < 1", **named)

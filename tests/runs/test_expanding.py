@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -188,6 +190,39 @@ def test_whole_evidence_is_kept_in_the_cache(
     assert gk.attribute(tmp_path / "small", episodes=0).run == str(tmp_path / "small")
 
 
+def test_interrupted_expansion_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a killed process left half written in the cache is never taken for the whole run."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    full, small = recorded("two_robot_line", tmp_path)
+    place = whole_evidence(small).path
+    assert place is not None
+    shutil.rmtree(place)
+    env = gk.record(gk.make("two_robot_line"), tmp_path / "open")
+    env.reset(seed=1)
+    shutil.copytree(tmp_path / "open", place)
+    env.close()
+
+    assert gk.load(place).manifest["status"] == "open"
+    assert whole_evidence(small).fingerprint == full.fingerprint
+
+
+def test_expansion_is_kept_whatever_the_umask(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second look takes the kept expansion also where a user's files are open to the group."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    before = os.umask(0o002)
+    try:
+        _, small = recorded("two_robot_line", tmp_path)
+        first = whole_evidence(small)
+        again = whole_evidence(small)
+    finally:
+        os.umask(before)
+    assert (first.root, first.path) == (again.root, again.path)
+
+
 def test_workers_record_the_same_small_run(tmp_path: Path) -> None:
     """The fingerprint doesn't depend on which process played an episode."""
     one = gk.rollout("tictactoe", episodes=3, out=tmp_path / "one", level="actions")
@@ -198,9 +233,11 @@ def test_workers_record_the_same_small_run(tmp_path: Path) -> None:
 
 def test_first_finished_episode_is_checked(tmp_path: Path) -> None:
     """The manifest says what came out, and evidence shows it with the line that expands."""
-    small = gk.rollout("two_robot_line", episodes=2, out=tmp_path / "small", level="actions")
+    run = tmp_path / "a small run"
+    small = gk.rollout("two_robot_line", episodes=2, out=run, level="actions")
     assert small.manifest["checked"] == {"episode": 0, "outcome": "passed", "why": None}
-    assert f"gamekeeper expand {tmp_path / 'small'} OUT" in str(small)
+    assert f"gamekeeper expand '{run}' OUT" in str(small)
+    assert f"gamekeeper report '{run}' --expand" in str(small)
 
 
 def test_check_says_at_once_what_does_not_come_out_again(

@@ -25,6 +25,7 @@ from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, EXPECTED, PART, ScopeF
 from gamekeeper.diagnosis.open_setup import (
     OpenSetup,
     SetupTraits,
+    check_agents,
     check_last,
     consent_to,
     contract_of,
@@ -154,6 +155,8 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
         with OpenSetup(setup, declared) as open_setup:
             if env is None:
                 check_last(evidence, open_setup.opened)
+            else:
+                check_agents(evidence, open_setup)
             seen, played = traits_of(open_setup, kinds), open_setup.identity
             cuts = cuts_of(lost, open_setup.env, setup.kwargs, len(seen.agents))
             seen = dataclasses.replace(seen, cuts=cuts)

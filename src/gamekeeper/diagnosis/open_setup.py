@@ -532,6 +532,26 @@ def recorded_episode_of(evidence: Evidence, open_setup: OpenSetup, number: int) 
     )
 
 
+def check_agents(evidence: Evidence, open_setup: OpenSetup) -> None:
+    """Checks that the agents of a run are those of the environment that was named for it.
+
+    Raises:
+        SpecError: the environment says who its agents are, and some of the run aren't there.
+    """
+    agents = [str(name) for name in evidence.agent_steps["agent"].unique().to_pylist()]
+    possible = getattr(open_setup.env, "possible_agents", None) or ()
+    there = [agent_name(agent) for agent in possible]
+    if there and not set(agents) <= set(there):
+        raise SpecError(
+            "the environment that was named has other agents than the run",
+            where="env",
+            expected=", ".join(agents),
+            actual=", ".join(there),
+            fix="name the run's own environment; agents of a data set get their names as it is "
+            "imported (--agent NAME)",
+        )
+
+
 def check_last(evidence: Evidence, opened: Opened) -> None:
     """Checks that the last episode with a seed comes out by itself as it was recorded.
 

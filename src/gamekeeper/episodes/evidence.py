@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import PurePath
+from shlex import quote
 from typing import Any, Final
 
 import pyarrow as pa
@@ -288,7 +289,7 @@ class Evidence:
 
     @property
     def kept_text(self) -> str:
-        """Level `actions` and the line that expands the run; empty for another level."""
+        """Level `actions` and the lines that show the rest; empty for another level."""
         if self.manifest.get("level") != "actions":
             return ""
         checked = self.manifest.get("checked") or {}
@@ -296,9 +297,10 @@ class Evidence:
         result = f"replay of episode {checked.get('episode')} {outcome}"
         if outcome == "not checked":
             result = f"{outcome}: {why}"
+        run = quote(str(self.path or "RUN"))
         return (
-            f"actions ({result}); for observations, infos and states: "
-            f"gamekeeper expand {self.path or 'RUN'} OUT"
+            f"actions ({result}); observations, infos and states are on the page of "
+            f"gamekeeper report {run} --expand, and in the run of gamekeeper expand {run} OUT"
         )
 
     def __str__(self) -> str:

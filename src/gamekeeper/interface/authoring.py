@@ -192,7 +192,7 @@ FIXED: Final = frozenset(  # never part of a snapshot: they don't change, or are
 class Authored(AuthorCalls):
     """The author's surface; see `TurnEnv`, which documents all of it."""
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # PettingZoo declares it so
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
     contract: str | PathLike[str] | Contract | None = None
     snapshot_without: ClassVar[Iterable[str]] = ()
     copy: ClassVar[Any] = True  # False: what observe, info and state return is handed out as it is

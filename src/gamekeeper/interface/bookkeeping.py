@@ -117,6 +117,7 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
     __ranges: dict[Any, range]
     __waiting: list[Any]  # who has ended and is still in the roster, the next to leave at the end
     __acted: set[Any]  # who had a turn in this tick; kept under a limit only, like the next
+    agent_selection: Any
     __due: set[Any]  # who was live as this tick began and had no turn in it yet
     __then: Any  # whose turn it is once those who wait have left
 

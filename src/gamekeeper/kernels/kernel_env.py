@@ -49,7 +49,8 @@ class KernelRules(Authored):
         self.kernel, self._tables = kernel, tables_of(kernel)
         self.single: Single = single_of(kernel, is_plain=debug)
         if kernel.metadata or "name" not in self.metadata:
-            self.metadata = {"name": kernel.name, "render_modes": [], **kernel.metadata}
+            metadata = {"name": kernel.name, "render_modes": [], **kernel.metadata}
+            self.metadata = metadata  # type: ignore[misc]  # each kernel has its own
         self.possible_agents = list(kernel.agents)
         self.number_of = {agent: i for i, agent in enumerate(self.possible_agents)}
         self.observation_spaces = {a: kernel.observation_of(a) for a in kernel.agents}

@@ -182,7 +182,7 @@ def _replayed(
     where = replayed.divergence
     if where is not None and env is None and _identity(evidence).get("arguments") == ASSUMED:
         return replace(replayed, divergence=None, reason=_unsure(evidence, where))
-    if where is None or where.turn is None or not explain:
+    if where is None or where.turn is None or not explain or _identity(evidence).get("imported"):
         return replayed
     if policies and where.field == "action":
         return replace(replayed, cause="the policies chose otherwise, given the same observations")
@@ -212,9 +212,29 @@ def _identity(evidence: Evidence) -> Mapping[str, Any]:
     return identity if isinstance(identity, Mapping) else {}
 
 
+def _exported(evidence: Evidence) -> Mapping[str, Any]:
+    """Facts that an export of ours wrote beside a data set that was imported; mostly empty."""
+    imported = _identity(evidence).get("imported")
+    told = imported.get("recorded") if isinstance(imported, Mapping) else None
+    return told if isinstance(told, Mapping) else {}
+
+
+def _identity_before(evidence: Evidence, now: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Identity to compare `now` with; where a data set from elsewhere tells none, it is `now`."""
+    identity = _identity(evidence)
+    if not identity.get("imported"):
+        return identity
+    told = _exported(evidence).get("environment")
+    return told if isinstance(told, Mapping) else now
+
+
 def untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | None:
     """Reason why a run can't be replayed at all, known before anything runs."""
     kind = _identity(evidence).get("kind")
+    if _exported(evidence).get("kind") == "agent":
+        return "the data set holds the decisions of one agent, and no actions of the others"
+    if env is None and _identity(evidence).get("imported"):
+        return "an imported data set holds no environment: name it with --env"
     if env is None and kind in IN_MEMORY:
         thing = "an object" if kind == "object" else "a callable"
         add = _identity(evidence).get("lost") or "name it with --env"
@@ -319,9 +339,10 @@ def replay_evidence(
             if divergence is not None:
                 break
     exact = exact and divergence is None
+    identity = _identity_before(evidence, opened.identity)
     if exact:
         divergence = _set_up_differently(
-            (_identity(evidence), evidence.manifest["spaces"]),
+            (identity, evidence.manifest["spaces"]),
             (opened.identity, runner.manifest()["spaces"]),
             evidence.manifest["spaces"],
         ) or _other_fingerprint(evidence, prints)
@@ -331,7 +352,7 @@ def replay_evidence(
         within_tolerance=None if tolerance is None else divergence is None,
         fingerprint=evidence.fingerprint,
         divergence=divergence,
-        versions=_differing_versions(_identity(evidence), opened.identity),
+        versions=_differing_versions(identity, opened.identity),
         episodes=len(prints),
     )
 

@@ -1,6 +1,7 @@
 """Expands a small run: its episodes are played again into full evidence, which is compared."""
 
 import shutil
+import tempfile
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -104,16 +105,38 @@ def whole_evidence(
             fix="gamekeeper recover RUN finalizes it; or wait until its recorder has closed it",
         )
     place = own_runs.user_folder("CACHE", ".cache", "Caches") / "expanded" / evidence.root
-    with_own = place.exists() and own_runs.is_private(place)
-    if with_own:
-        try:
-            return replace(load(place), small=evidence.path)
-        except RunError:  # it was interrupted while it was written, or is damaged
-            shutil.rmtree(place)
-    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    name = env if isinstance(env, str) else None
-    whole = expand(evidence, place, env=name, allow_import=allow_import)
-    return replace(whole, small=evidence.path)
+    kept = _kept_expansion(place)
+    if kept is None:
+        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        name = env if isinstance(env, str) else None
+        # under a name of its own until it is verified: what a killed process leaves is never read
+        with tempfile.TemporaryDirectory(prefix=".expanding-", dir=place.parent) as folder:
+            draft = Path(folder) / "run"
+            draft.mkdir(mode=0o700)  # private, whatever the umask says
+            expand(evidence, draft, env=name, allow_import=allow_import)
+            with suppress(OSError):  # another process was first, and its expansion is the same
+                draft.rename(place)
+        kept = _kept_expansion(place)
+    if kept is None:
+        raise RunError(
+            "the expanded run can't be kept",
+            where=str(place),
+            expected="a folder that only you can write",
+            fix="move away what is there",
+        )
+    return replace(kept, small=evidence.path)
+
+
+def _kept_expansion(place: Path) -> Evidence | None:
+    """The user's own whole expansion at `place`; None where there is none, or it was damaged."""
+    if not (place.exists() and own_runs.is_private(place)):
+        return None
+    with suppress(RunError):
+        kept = load(place)
+        if kept.root is not None:
+            return kept
+    shutil.rmtree(place)
+    return None
 
 
 def first_divergence(small: Evidence, whole: Evidence) -> Divergence | None:

@@ -234,6 +234,8 @@ def _text(value: Any) -> str | None:
 METADATA: Final = "metadata.json"
 UNTIMED: Final = (None,) * (TURN - 3)  # of a turn: neither times nor a state
 EPISODES: Final = 200  # read out of one opening of the file
+MOST_NAMED: Final = 5
+"""Number of data sets that an error names where a folder holds several."""
 LACKS: Final = ("wall times", "states", "seeds of episodes that name none")
 KEPT: Final = (
     "dataset_id",
@@ -493,9 +495,14 @@ def _folder(data: str) -> Path:
         for folder in (place.absolute() / "data", place.absolute()):
             if (folder / METADATA).is_file():
                 return folder
+    found = {path.parents[1] for place in places for path in place.glob(f"*/**/data/{METADATA}")}
+    parts = sorted(map(str, found))
     raise EvidenceError(
-        f"there is no Minari data set {data!r} here",
+        f"there is no Minari data set {data!r} here" + " itself, but below it" * bool(parts),
         where=", ".join(map(str, places)),
         expected=f"a folder with data/{METADATA}",
-        fix=f"`minari download {data}` fetches one; or name its folder",
+        actual=", ".join(parts[:MOST_NAMED]) + ", ..." * (len(parts) > MOST_NAMED),
+        fix=f"name one, as in minari:{parts[0]}"
+        if parts
+        else f"`minari download {data}` fetches one; or name its folder",
     )

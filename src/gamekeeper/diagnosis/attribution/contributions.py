@@ -40,7 +40,9 @@ from gamekeeper.diagnosis.attribution.replacement_runs import (
 )
 from gamekeeper.diagnosis.experiment import fresh_seed
 from gamekeeper.diagnosis.open_setup import (
+    OpenSetup,
     Setup,
+    check_agents,
     check_last,
     consent_to,
     contract_of,
@@ -138,6 +140,9 @@ def attribute(
         run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
     )
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
+        if env is not None:
+            with OpenSetup(setup, declared) as open_setup:
+                check_agents(evidence, open_setup)
         with ReplacementRunner(task) as runner:
             if closed and env is None:
                 check_last(evidence, runner.opened)
