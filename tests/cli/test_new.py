@@ -77,7 +77,9 @@ def test_new_package_passes_its_own_tests(
     assert "warning" not in done.stdout
 
 
-@pytest.mark.parametrize("answers", [AEC, PARALLEL, VARIANTS["rotating"]])
+@pytest.mark.parametrize(
+    "answers", [AEC, PARALLEL, VARIANTS["rotating"]], ids=["aec", "parallel", "rotating"]
+)
 def test_new_package_has_sound_types(
     answers: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
