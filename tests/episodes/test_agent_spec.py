@@ -94,14 +94,7 @@ def test_agent_spec_joins_declarations_and_spaces():
     )
     spec = agent_spec(contract, "picker_1", observation_space=BOX, action_space=BOX)
     assert spec == AgentSpec(
-        name="picker_1",
-        role="picker",
-        observation_space=BOX,
-        action_space=BOX,
-        mask="infos.m",
-        noop=(0, 0),
-        messages=("say",),
-        may_join=True,
+        name="picker_1", role="picker", observation_space=BOX, action_space=BOX, noop=(0, 0)
     )
     assert hash(spec) == hash(spec)
     first, second = spec.noop_action(), spec.noop_action()

@@ -11,6 +11,7 @@ import pytest
 from gymnasium import spaces
 from numpy.random import Generator
 
+from gamekeeper import plugins
 from gamekeeper.errors import ActionError, PolicyError
 from gamekeeper.interface.joint_policy import assign
 from gamekeeper.interface.policy import Chosen, parse_choices, resolve
@@ -86,7 +87,7 @@ def test_resolve_takes_callables_and_makes_one_instance_of_a_class() -> None:
     assert resolve(chosen) is chosen
 
 
-def test_resolve_takes_further_schemes() -> None:
+def test_resolve_takes_further_schemes(monkeypatch: pytest.MonkeyPatch) -> None:
     """A trainer's adapter adds a word of its own in front of a colon."""
     seen: list[str] = []
 
@@ -94,7 +95,8 @@ def test_resolve_takes_further_schemes() -> None:
         seen.append(path)
         return steady
 
-    chosen = resolve("sb3:model:1.zip", schemes={"sb3": load})
+    monkeypatch.setattr(plugins, "one", lambda group, word: {"sb3": load}.get(word))
+    chosen = resolve("sb3:model:1.zip")
     assert isinstance(chosen, Chosen)
     assert (chosen.name, seen) == ("sb3:model:1.zip", ["model:1.zip"])
 

@@ -11,6 +11,7 @@ from pettingzoo.test import api_test, parallel_api_test
 import gamekeeper as gk
 from gamekeeper.errors import ActionError, OrderError, PolicyError, SpecError
 from gamekeeper.interface import wrappers
+from gamekeeper.interface.wrappers.action_wrappers import RepeatedActions
 from tests.adapters.ledger import LedgerTicks, LedgerTurns
 
 
@@ -225,6 +226,22 @@ def test_repeated_actions_are_legal_ones() -> None:
             repeats += sum(done[a] == last.get(a) != actions[a] for a in actions)
             last = done
     assert repeats
+
+
+def test_repeated_actions_are_legal_ones_of_spaces_that_begin_elsewhere() -> None:
+    """A mask's places count from the first action of a MultiDiscrete space."""
+    env = LedgerTicks(seen="MultiDiscrete", mask=True)
+    acts = spaces.MultiDiscrete([3, 2], start=[7, 4])
+    env.action_space = lambda agent: acts
+    sticky = RepeatedActions(0.99)
+    sticky.bind(env)
+    sticky.begin(0)
+    last, other = np.array([9, 4]), np.array([7, 5])
+    sticky.keep("dog_0", last)
+    for flags, is_repeated in (([0, 0, 1, 1, 0], True), ([1, 1, 0, 1, 1], False)):
+        sticky.given("dog_0", None, {"action_mask": np.array(flags, np.int8)})
+        done = [sticky.action("dog_0", other) for _ in range(20)]
+        assert any(np.array_equal(each, last) for each in done) is is_repeated
 
 
 def test_statistics_are_those_of_the_decisions(tmp_path) -> None:

@@ -14,8 +14,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.kernels import copy_steps, draws
 from gamekeeper.kernels.batch import Batch
 from gamekeeper.kernels.compile_cache import key_of
-from gamekeeper.kernels.driver import copies
-from gamekeeper.kernels.scalar_rules import as_python, numba
+from gamekeeper.kernels.scalar_rules import Copy, as_python, numba
 from gamekeeper.randomness.seeds import EpisodeSeeds, episode_seed
 from gamekeeper.randomness.stream import Stream
 from tests.kernels import lines
@@ -36,7 +35,7 @@ def test_episode_seed_is_that_of_the_core(run: int, episode: int) -> None:
 def test_draws_are_those_of_a_stream(seed: int, bounds: list[int]) -> None:
     """The same numbers in the same order, whatever is drawn before them."""
     record = np.zeros(1, np.dtype(list(draws.FIELDS), align=True))
-    (s,) = copies(record)
+    s = Copy(record.reshape(()))
     s.seed, s.block = seed, -1
     stream = Stream(seed)
     integers, uniform, normal = map(as_python, (draws.integers, draws.uniform, draws.normal))

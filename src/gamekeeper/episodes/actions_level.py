@@ -262,7 +262,7 @@ def _merged(
     one: Block, at: NDArray[np.intp], two: Block, then: NDArray[np.intp], layout: Layout
 ) -> Block:
     """Two blocks of the level as one, their rows at these places."""
-    count = len(at) + len(then)
+    count, sides = len(at) + len(then), ((at, one), (then, two))
 
     def array(name: str) -> Any:
         a, b = getattr(one, name), getattr(two, name)
@@ -270,25 +270,21 @@ def _merged(
         whole[at], whole[then] = a, b
         return whole
 
-    def raw(a: Raw, b: Raw) -> Raw:
-        values = np.zeros((count, a.values.shape[1]), np.uint8)
-        valid = np.zeros(count, np.bool_)
-        values[at], values[then], valid[at], valid[then] = a.values, b.values, a.valid, b.valid
-        return Raw(values, valid)
+    def raw(parts: list[tuple[NDArray[np.intp], Any]]) -> Raw:
+        whole = _nothing(count, parts[0][1].values.shape[1])
+        for rows, part in parts:
+            whole.values[rows], whole.valid[rows] = part.values, part.valid
+        return whole
 
     def texts(b: list[str | None] | None) -> list[str | None] | None:
         return None if b is None or b.count(None) == len(b) else _spread(count, [(then, b)])
 
     def cells(name: str) -> tuple[Any, Cells]:
         column = (one.values.get(name) or two.values[name])[0]
-        sides = [(block.values.get(name), rows) for block, rows in ((one, at), (two, then))]
-        there: list[tuple[Any, Any]] = [(side[1], rows) for side, rows in sides if side is not None]
-        if isinstance(there[0][0], Text):
-            return column, Text(_spread(count, [(rows, each.values) for each, rows in there]))
-        whole = _nothing(count, there[0][0].values.shape[1])
-        for each, rows in there:
-            whole.values[rows], whole.valid[rows] = each.values, each.valid
-        return column, whole
+        there = [(rows, block.values[name][1]) for rows, block in sides if name in block.values]
+        if isinstance(there[0][1], Text):
+            return column, Text(_spread(count, [(rows, each.values) for rows, each in there]))
+        return column, raw(there)
 
     names = layout.names
     codes = {name: code for code, name in enumerate(names)}
@@ -296,7 +292,9 @@ def _merged(
     agents[at] = one.agent.codes  # type: ignore[union-attr]  # a usual block codes its agents
     agents[then] = [codes[name] for name in two.agent]  # type: ignore[union-attr]  # others don't
     raws = ("order", "terminated", "truncated", "reward", "witness")
-    merged: dict[str, Any] = {n: raw(getattr(one, n), getattr(two, n)) for n in raws}
+    merged: dict[str, Any] = {
+        n: raw([(rows, getattr(block, n)) for rows, block in sides]) for n in raws
+    }
     return replace(
         one,
         **{name: array(name) for name in ("episode", "turn", "live", "observed")},

@@ -1,4 +1,4 @@
-"""One agent's line of the structure: its contract's declarations beside its spaces."""
+"""One agent's line of the structure: its role and noop beside its spaces."""
 
 from __future__ import annotations
 
@@ -20,28 +20,20 @@ Space = spaces.Space[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentSpec:
-    """Everything known of one agent; None is *not declared*, or a space that wasn't seen.
+    """An agent, its role and its spaces; None is *not declared*, or a space that wasn't seen.
 
     Args:
         role: the role that holds it.
         observation_space: values that it may observe.
         action_space: values that it may choose.
-        mask: where its mask stands, as `infos.action_mask`; `none`: it has none.
         noop: the action that does nothing, as it is declared; `none`: there is none.
-        messages: fields that carry messages.
-        may_join: an agent of its role may appear after reset.
-        may_leave: it may leave without having ended.
     """
 
     name: str
     role: str | None = None
     observation_space: Space | None = field(default=None, hash=False)
     action_space: Space | None = field(default=None, hash=False)
-    mask: str | None = None
     noop: Plain | None = None
-    messages: tuple[str, ...] | None = None
-    may_join: bool | None = None
-    may_leave: bool | None = None
 
     def noop_action(self) -> object | None:
         """A fresh action that does nothing, in its space's own types; None where there is none.
@@ -76,11 +68,7 @@ def agent_spec(
         role=name,
         observation_space=observation_space,
         action_space=action_space,
-        mask=role.mask,
         noop=role.noop,
-        messages=role.messages,
-        may_join=role.may_join,
-        may_leave=role.may_leave,
     )
     try:
         spec.noop_action()
@@ -92,12 +80,12 @@ def agent_spec(
             actual=shown(plain(spec.noop)),
             fix="declare the action that does nothing, or leave noop out",
         ) from None
-    _check_mask(contract, spec)
+    _check_mask(contract, spec, role.mask or "")
     return spec
 
 
-def _check_mask(contract: Contract, spec: AgentSpec) -> None:
-    head, _, path = (spec.mask or "").partition(".")
+def _check_mask(contract: Contract, spec: AgentSpec, mask: str) -> None:
+    head, _, path = mask.partition(".")
     space = spec.observation_space
     if head != "observation" or space is None:
         return
@@ -106,7 +94,7 @@ def _check_mask(contract: Contract, spec: AgentSpec) -> None:
         if key not in known:
             near = nearest(key, known)
             raise ContractError(
-                f"agent {spec.name!r} has no {spec.mask!r} where its mask should stand",
+                f"agent {spec.name!r} has no {mask!r} where its mask should stand",
                 where=contract.at("roles", str(spec.role), "mask"),
                 expected=f"a Dict observation with the key {key!r}",
                 actual=", ".join(map(repr, known)) or shown(space),

@@ -98,11 +98,9 @@ def _field(column: Column, kind: pa.DataType) -> pa.Field:
     return pa.field(column.name, kind, metadata=metadata)
 
 
-def blocks_of(table: pa.Table, *, rows: int | None = None) -> Iterator[Block]:
-    """The rows of a `steps` table as blocks of whole turns, of at most `rows` rows if these do."""
-    if rows is None:
-        rows = most_rows(leaf_columns(table.schema))
-    for start, end in turn_bounds(table, rows):
+def blocks_of(table: pa.Table) -> Iterator[Block]:
+    """The rows of a `steps` table as blocks of whole turns, of as many rows as suit its columns."""
+    for start, end in turn_bounds(table, most_rows(leaf_columns(table.schema))):
         yield block_of_table(table.slice(start, end - start))
 
 

@@ -409,7 +409,7 @@ def _first(
 
 
 def _is_digest(*episodes: Episode) -> bool:
-    return any("digest" in episode.steps.schema.names for episode in episodes)
+    return any(episode.is_digest for episode in episodes)
 
 
 def _error(episode: Episode) -> str | None:

@@ -217,11 +217,6 @@ class Turn:
                         found.setdefault(name, {})[column[len(TERM) :]] = values[row]
         return MappingProxyType(found)
 
-    @property
-    def is_digest(self) -> bool:
-        """True if digests stand in place of the observations."""
-        return self._episode.is_digest
-
     @cached_property
     @legible
     def nonconforming(self) -> Mapping[AgentName, Mapping[str, Any]]:

@@ -25,6 +25,7 @@ class Pogema(SeveralAgents):
     | metrics in infos | | none: they are kept by wrappers of the same kind |
     """
 
+    optionless = "POGEMA"
     unknown: tuple[str, ...] = (
         "whether the environment looks at the action of an agent that has ended",
     )
@@ -39,13 +40,6 @@ class Pogema(SeveralAgents):
         self._rng: Generator = default_rng(env.grid_config.seed)
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Given, Given]:
-        if options:
-            raise SpecError(
-                "POGEMA looks at no options",
-                where="options",
-                actual=f"{options!r}"[:100],
-                fix="leave options out",
-            )
         if seed is not None:
             self._rng = default_rng(seed)
         self.guest.grid_config.seed = int(self._rng.integers(2**31)) if seed is None else seed

@@ -155,7 +155,7 @@ def _check_arguments(source: Source, kwargs: Mapping[str, Any]) -> None:
     except TypeError as error:
         names = list(signature.parameters)
         unknown = "".join(nearest(name, names) for name in kwargs if name not in names)
-        missing = _required(signature) - set(kwargs)
+        missing = set(required(signature)) - set(kwargs)
         raise _misfit(
             source,
             f"{error}{unknown}",
@@ -165,13 +165,14 @@ def _check_arguments(source: Source, kwargs: Mapping[str, Any]) -> None:
         ) from None
 
 
-def _required(signature: inspect.Signature) -> set[str]:
-    return {
+def required(signature: inspect.Signature) -> list[str]:
+    """Names of the parameters that a call can't leave out."""
+    return [
         name
         for name, parameter in signature.parameters.items()
         if parameter.default is parameter.empty
         and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
-    }
+    ]
 
 
 def _refused(error: TypeError, source: Source, kwargs: Mapping[str, Any]) -> SpecError | None:

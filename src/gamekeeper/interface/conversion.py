@@ -34,13 +34,7 @@ def to_aec(env: Any) -> AECEnv[Any, Any, Any]:
         return env.aec_env
     if isinstance(env, ParallelEnv):
         return ToAEC(env)
-    raise SpecError(
-        "only a PettingZoo environment can be converted",
-        where="to_aec",
-        expected="a ParallelEnv",
-        actual=f"{type(env).__module__}.{type(env).__qualname__}",
-        fix="open it first: to_aec(gamekeeper.make(spec))",
-    )
+    raise _no_environment(env, "to_aec", "a ParallelEnv")
 
 
 def to_parallel(
@@ -70,13 +64,7 @@ def to_parallel(
         if type(env) is OrderEnforcingWrapper and type(env.env) is parallel_to_aec_wrapper:
             return env.env.env
     if not isinstance(env, AECEnv):
-        raise SpecError(
-            "only a PettingZoo environment can be converted",
-            where="to_parallel",
-            expected="an AECEnv",
-            actual=f"{type(env).__module__}.{type(env).__qualname__}",
-            fix="open it first: to_parallel(gamekeeper.make(spec))",
-        )
+        raise _no_environment(env, "to_parallel", "an AECEnv")
     if style == "cycle" and order is None and not is_parallelizable(env):
         raise _unlike_ticks(env)
     return ToParallel(env, style=style)
@@ -103,6 +91,16 @@ def _check_options(order: str | None, style: str) -> None:
             actual=f"order={order!r}, style={style!r}",
             fix="leave order and style out, or choose one of these",
         )
+
+
+def _no_environment(given: Any, where: str, expected: str) -> SpecError:
+    return SpecError(
+        "only a PettingZoo environment can be converted",
+        where=where,
+        expected=expected,
+        actual=f"{type(given).__module__}.{type(given).__qualname__}",
+        fix=f"open it first: {where}(gamekeeper.make(spec))",
+    )
 
 
 def _unlike_ticks(env: AECEnv[Any, Any, Any]) -> SpecError:

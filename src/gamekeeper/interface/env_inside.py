@@ -1,11 +1,17 @@
 """Attributes and calls that every conversion hands on to the environment inside it."""
 
+from operator import attrgetter
 from typing import Any
 
 from gymnasium.spaces import Space
 from pettingzoo.utils.conversions import aec_to_parallel
 
 from gamekeeper.interface.author_calls import AgentId
+
+
+def handed_on(path: str) -> Any:
+    """A property that gives what stands at this path, as `env.agents`, whatever it is."""
+    return property(attrgetter(path), doc=f"The environment's own `{path.rpartition('.')[2]}`.")
 
 
 class EnvInside:
@@ -16,10 +22,7 @@ class EnvInside:
     env: Any
     possible_agents: list[Any]
 
-    @property
-    def unwrapped(self) -> Any:
-        """The environment under all conversions and wrappers."""
-        return self.env.unwrapped
+    unwrapped = handed_on("env.unwrapped")
 
     def observation_space(self, agent: AgentId) -> Space[Any]:
         """The environment's own observation space of an agent."""

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.episodes.canonical import from_json, is_exact, to_json
+from gamekeeper.interface.construction import required
 
 FILE_MODULE: Final = "_gamekeeper_file_"
 """Prefix of the names under which files are loaded: no import can find them again."""
@@ -91,18 +92,13 @@ def _arguments_of(env: Any, kind: type) -> Facts:
     if hasattr(env, "_ezpickle_args"):
         kept = kept_arguments(env._ezpickle_args, env._ezpickle_kwargs)
     elif not hasattr(env, "built_with"):
-        needed = [
-            each.name
-            for each in inspect.signature(kind).parameters.values()
-            if each.default is each.empty
-            and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
-        ]
-        if needed:
+        signature = inspect.signature(kind)
+        if needed := required(signature):
             raise LostError(
                 f"nothing keeps the arguments that {kind.__qualname__} was built with; hand over "
                 f"the class, and its arguments as env_kwargs: {', '.join(needed)}"
             )
-        takes_none = not inspect.signature(kind).parameters
+        takes_none = not signature.parameters
         return {"kwargs": {}} | ({} if takes_none else {"arguments": ASSUMED})
     if kept is None:
         raise LostError(

@@ -3,7 +3,7 @@
 import contextlib
 import difflib
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeAlias, runtime_checkable
 
@@ -143,14 +143,12 @@ class Chosen:
     policy: Policy | SlotPolicy
 
 
-def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> Chosen:
+def resolve(choice: Choice) -> Chosen:
     """The policy behind a user's choice. A class is made into an instance, without arguments.
 
     Args:
-        choice: `random`, `first-legal`, `noop`, `module:callable`, `file.py:callable`, or a
-            callable.
-        schemes: further forms by the word before their colon, beside those that entry points
-            bring (`sb3:model.zip`).
+        choice: `random`, `first-legal`, `noop`, `module:callable`, `file.py:callable`, a form that
+            an entry point brings (`sb3:model.zip`), or a callable.
     Raises:
         PolicyError: there is no such policy, loading it raised, or it can't be called as a policy.
     """
@@ -165,12 +163,12 @@ def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> C
     scheme, colon, rest = name.partition(":")
     if colon:
         with _as_policy_error(name):
-            load: Any = (schemes or {}).get(scheme) or plugins.one(SCHEMES, scheme)
+            load: Any = plugins.one(SCHEMES, scheme)
             policy = None if load is None else load(rest)
         if policy is not None:
             return _checked(name, policy)
     if not colon or not rest:
-        raise _no_policy(name, [*built_ins, *(f"{one}:..." for one in schemes or {})])
+        raise _no_policy(name, built_ins)
     with _as_policy_error(name):
         return _checked(name, _loaded(name))
 

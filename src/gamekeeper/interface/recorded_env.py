@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Callable, Mapping
-from operator import attrgetter
 from typing import Any, ClassVar, Final
 
 from pettingzoo import AECEnv, ParallelEnv
@@ -16,6 +15,7 @@ from gamekeeper.interface.aec_accounts import books_of
 from gamekeeper.interface.aec_capture import AECCapture, BookkeptCapture
 from gamekeeper.interface.bookkeeping import Books
 from gamekeeper.interface.capture import AgentId, Capture
+from gamekeeper.interface.env_inside import handed_on
 from gamekeeper.interface.openings import Openings
 from gamekeeper.interface.parallel_capture import ParallelCapture
 
@@ -74,10 +74,6 @@ class _RecordedEnv:
         return _revive, (type(self._capture), self._capture.env)
 
 
-def _handed_on(name: str) -> property:
-    return property(attrgetter(f"_capture.env.{name}"), doc=f"The environment's own `{name}`.")
-
-
 for _name in (
     "unwrapped",
     "agents",
@@ -92,7 +88,7 @@ for _name in (
     "state",
     "render",
 ):
-    setattr(_RecordedEnv, _name, _handed_on(_name))
+    setattr(_RecordedEnv, _name, handed_on(f"_capture.env.{_name}"))
 
 
 class RecordedParallelEnv(_RecordedEnv, ParallelEnv[Any, Any, Any]):
@@ -140,7 +136,7 @@ for _name in (
     "truncations",
     "infos",
 ):
-    setattr(RecordedAECEnv, _name, _handed_on(_name))
+    setattr(RecordedAECEnv, _name, handed_on(f"_capture.env.{_name}"))
 
 
 def recorded_of(

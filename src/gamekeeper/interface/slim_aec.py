@@ -12,7 +12,7 @@ from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.errors import ActionError, OrderError
 from gamekeeper.interface.author_calls import AgentId, loop_without_step
-from gamekeeper.interface.env_inside import EnvInside
+from gamekeeper.interface.env_inside import EnvInside, handed_on
 from gamekeeper.interface.legality import learn_ranges, refused
 
 REFUSE: Final = "refuse"
@@ -79,19 +79,9 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
             raise AttributeError(f"private attribute '{name}' stays with the environment inside")
         return getattr(self.env, name)
 
-    @property
-    def observation_spaces(self) -> Any:
-        """The environment's own dictionary of observation spaces."""
-        return self.env.observation_spaces
-
-    @property
-    def action_spaces(self) -> Any:
-        """The environment's own dictionary of action spaces."""
-        return self.env.action_spaces
-
-    @property
-    def _cumulative_rewards(self) -> Any:
-        return self.env._cumulative_rewards
+    observation_spaces = handed_on("env.observation_spaces")
+    action_spaces = handed_on("env.action_spaces")
+    _cumulative_rewards = handed_on("env._cumulative_rewards")
 
     def state(self) -> Any:
         """The environment's own state."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.errors import SpecError
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of
+from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of, mapped
 from gamekeeper.kernels.scalar_rules import Plain, numba, numba_part
 
 
@@ -219,10 +219,7 @@ def _compiled() -> Any:
 
 def plain_row(array: Any, index: int) -> Any:
     """The same for plain Python: views whose elements are Python numbers."""
-    if isinstance(array, tuple):
-        parts = [plain_row(part, index) for part in array]
-        return type(array)(*parts) if hasattr(array, "_fields") else tuple(parts)
-    return array[index : index + 1].reshape(array.shape[1:]).view(Plain)
+    return mapped(array, lambda part: part[index : index + 1].reshape(part.shape[1:]).view(Plain))
 
 
 row = plain_row if numba() is None else _compiled()

@@ -19,7 +19,7 @@ from gamekeeper.kernels.array_views import places_of, tables_of
 from gamekeeper.kernels.blake2b import row_digests
 from gamekeeper.kernels.driver import driver_of, plain_driver
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.kernel_arrays import Arrays, Made, arrays_of
+from gamekeeper.kernels.kernel_arrays import Arrays, Made, arrays_of, write_snapshot
 from gamekeeper.kernels.legality import refuse
 from gamekeeper.kernels.scalar_rules import numba
 from gamekeeper.randomness.seeds import EpisodeSeeds
@@ -170,15 +170,7 @@ class Batch:
             SpecError: it is of another kernel, or of another number of copies.
         """
         chosen = self._chosen(e)
-        if len(snapshot) != chosen.nbytes:
-            raise SpecError(
-                "a snapshot of other copies",
-                where="restore",
-                expected=f"{chosen.nbytes} bytes",
-                actual=f"{len(snapshot)} bytes",
-                fix="restore what snapshot() of as many sub-environments of this kernel returned",
-            )
-        chosen[...] = np.frombuffer(snapshot, self.records.dtype)
+        write_snapshot(chosen, snapshot)
         first = 0 if e is None else e
         last = first + len(chosen)
         a = self.arrays

@@ -4,10 +4,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.errors import ActionError, DependencyError, SpecError, check_choice
+from gamekeeper.errors import ActionError, DependencyError, check_choice
 from gamekeeper.kernels.array_views import leaves, tables_of
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of
+from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of, write_snapshot
 from gamekeeper.kernels.legality import refuse
 from gamekeeper.randomness.seeds import EpisodeSeeds
 
@@ -167,15 +167,7 @@ class CudaBatch:
         Raises:
             SpecError: it is of another one.
         """
-        if len(snapshot) != self._records.nbytes:
-            raise SpecError(
-                "a snapshot of other copies",
-                where="restore",
-                expected=f"{self._records.nbytes} bytes",
-                actual=f"{len(snapshot)} bytes",
-                fix="restore what snapshot() of as many sub-environments of this kernel returned",
-            )
-        self._records[...] = np.frombuffer(snapshot, self._records.dtype)
+        write_snapshot(self._records, snapshot)
         self._memory.push(self._records)
 
     def _forgive(self) -> None:

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.errors import ActionError
-from gamekeeper.kernels.array_views import copy_of, plain_row
+from gamekeeper.kernels.array_views import copy_of
 from gamekeeper.kernels.compile_cache import kernel_key, known
 from gamekeeper.kernels.copy_steps import clear_books, driver_of_one
-from gamekeeper.kernels.driver import copies
+from gamekeeper.kernels.driver import plain_copy
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.kernel_arrays import Arrays
+from gamekeeper.kernels.kernel_arrays import Arrays, mapped
 from gamekeeper.kernels.legality import judge_one
 from gamekeeper.kernels.own_memory import OwnReader, put_back
 from gamekeeper.kernels.rule_parts import Parts
@@ -76,11 +76,7 @@ def _compiled(kernel: Kernel) -> Code:
 
 def simulated(kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays) -> Code:
     """The same as plain Python in Numba's simulator; `places` mean nothing to it."""
-    t, states = copies(tables)[0], copies(records)
-    rows = [plain_row(arrays, e) for e in range(len(records))]
-
-    def copy(places: Any, e: int) -> Any:
-        return states[e], t, rows[e]
+    copy = plain_copy(records, tables, arrays)
 
     def back(places: Any, e: int, s: Any, a: Any) -> None:
         """The views are of the arrays themselves."""
@@ -211,10 +207,7 @@ class Memory:
 
     def counterparts(self, value: Any) -> Any:
         """The counterparts of the arrays in a tuple of arrays and such tuples."""
-        if not isinstance(value, tuple):
-            return self.counterpart(value)
-        parts = [self.counterparts(part) for part in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+        return mapped(value, self.counterpart)
 
     def pull(self, *arrays: NDArray[Any]) -> None:
         """Copies from the device into these arrays on the host; into all where none is named."""

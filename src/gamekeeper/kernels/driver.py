@@ -66,14 +66,38 @@ def driver_of(kernel: Kernel) -> Driver:
 
 
 def _compiled(kernel: Kernel) -> Driver:
-    parts = Parts(kernel, is_plain=False)
-    one = driver_of_one(parts)
-    copy = copy_of(kernel)
-    loops = (
-        *_loops(copy, *one, judge_one(parts)),
-        *_rare_loops(copy, one[0], parts.rule("overview"), show_one(parts)),
-    )
+    loops = _all_loops(Parts(kernel, is_plain=False), copy_of(kernel))
     return Driver(*(compiled(each, kernel.name, code_key(each, kernel)) for each in loops))
+
+
+def plain_driver(
+    kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays
+) -> Driver:
+    """The same over copies that plain Python can read; `places` mean nothing to it."""
+    return Driver(*_all_loops(Parts(kernel, is_plain=True), plain_copy(records, tables, arrays)))
+
+
+def plain_copy(records: NDArray[Any], tables: NDArray[Any], arrays: Arrays) -> Callable[..., Any]:
+    """`copy(places, e)`: views of a batch's arrays for plain Python; `places` mean nothing."""
+    t, states = _copies(tables)[0], _copies(records)
+    rows = [plain_row(arrays, e) for e in range(len(records))]
+
+    def copy(places: Any, e: int) -> Any:
+        return states[e], t, rows[e]
+
+    return copy
+
+
+def _copies(records: NDArray[Any]) -> list[Copy]:
+    return [Copy(records[e : e + 1].reshape(())) for e in range(len(records))]
+
+
+def _all_loops(parts: Parts, copy: Callable[..., Any]) -> tuple[Any, ...]:
+    begin_one, step_one = driver_of_one(parts)
+    return (
+        *_loops(copy, begin_one, step_one, judge_one(parts)),
+        *_rare_loops(copy, begin_one, parts.rule("overview"), _show_one(parts)),
+    )
 
 
 def _loops(copy: Any, begin_one: Any, step_one: Any, judge: Any) -> tuple[Any, Any, Any]:
@@ -111,7 +135,7 @@ def _loops(copy: Any, begin_one: Any, step_one: Any, judge: Any) -> tuple[Any, A
     return begin, step, judge_all
 
 
-def show_one(parts: Parts) -> Any:
+def _show_one(parts: Parts) -> Any:
     """`show(s, t, a, tells)`: what is given now; whether nobody is live any more."""
     is_aec, count = parts.kernel.api == "aec", len(parts.kernel.agents)
     show = turn_shower(parts) if is_aec else tick_shower(parts)
@@ -151,59 +175,6 @@ def _rare_loops(copy: Any, begin_one: Any, overview_one: Any, show: Any) -> tupl
     return restart, overview, show_all
 
 
-def plain_driver(
-    kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays
-) -> Driver:
-    """The same over copies that plain Python can read; `places` mean nothing to it."""
-    parts = Parts(kernel, is_plain=True)
-    begin_one, step_one = driver_of_one(parts)
-    judge_a = judge_one(parts)
-    t, found = copies(tables)[0], copies(records)
-    rows = [plain_row(arrays, e) for e in range(len(records))]
-
-    def begin(places: Any, first: int, last: int, *rest: Any) -> None:
-        for e in range(first, last):
-            found[e].number = e
-            begin_one(found[e], t, rows[e], *rest)
-
-    def step(places: Any, first: int, last: int, *rest: Any) -> None:
-        for e in range(first, last):
-            end = step_one(found[e], t, rows[e], bool(arrays.over[e]), *rest)
-            arrays.ended[e] = end != 0
-            arrays.over[e] = end > 1
-
-    def judge(places: Any, first: int, last: int) -> bool:
-        return all(judge_a(rows[e], bool(arrays.over[e])) for e in range(first, last))
-
-    def restart(
-        places: Any, first: int, last: int, pool: int, constant: int, slots: int, tells: bool
-    ) -> None:
-        for e in range(first, last):
-            if arrays.over[e]:
-                found[e].number += slots
-                begin_one(found[e], t, rows[e], pool, constant, tells)
-                arrays.over[e] = False
-
-    overview_one = parts.rule("overview")
-
-    def overview(places: Any, first: int, last: int) -> None:
-        for e in range(first, last):
-            overview_one(found[e], t, rows[e].state)
-
-    show_row = show_one(parts)
-
-    def show(places: Any, first: int, last: int, tells: bool) -> None:
-        for e in range(first, last):
-            arrays.over[e] = show_row(found[e], t, rows[e], tells)
-
-    return Driver(begin, step, judge, restart, overview, show)
-
-
-def copies(records: NDArray[Any]) -> list[Copy]:
-    """The copies of a batch as plain Python sees them."""
-    return [Copy(records[e : e + 1].reshape(())) for e in range(len(records))]
-
-
 PAID, ENDED, JOINED = 1, 2, 4
 SIGN_BITS: Final = 3
 """So many bits say what came of a step; above them stands how many words were drawn."""
@@ -233,11 +204,8 @@ class Single:
     def given(self, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays) -> tuple[Any, ...]:
         """First arguments of the functions; valid as long as these arrays are."""
         if self.is_plain:
-            return (
-                Copy(records[0:1].reshape(())),
-                Copy(tables[0:1].reshape(())),
-                plain_row(arrays, 0),
-            )
+            found: tuple[Any, ...] = plain_copy(records, tables, arrays)(None, 0)
+            return found
         return (places_of(records, tables, arrays),)
 
     def __reduce__(self) -> tuple[Any, ...]:

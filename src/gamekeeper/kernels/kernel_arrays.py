@@ -150,14 +150,33 @@ def bound(arrays: Arrays, records: NDArray[Any]) -> Arrays:
 
 def part(arrays: Arrays, first: int, last: int) -> Arrays:
     """The copies `first` to before `last`, the same memory."""
+    cut: Arrays = mapped(arrays, lambda array: array[first:last])
+    return cut
 
-    def cut(value: Any) -> Any:
-        if isinstance(value, tuple):
-            parts = [cut(each) for each in value]
-            return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-        return value[first:last]
 
-    return Arrays(*(cut(value) for value in arrays))
+def mapped(value: Any, change: Callable[[Any], Any]) -> Any:
+    """The changed arrays of a tuple of arrays and such tuples, in tuples of the same types."""
+    if not isinstance(value, tuple):
+        return change(value)
+    parts = [mapped(part, change) for part in value]
+    return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+
+
+def write_snapshot(records: NDArray[Any], snapshot: bytes) -> None:
+    """Writes a snapshot over the records that it was taken of, or over others of their kernel.
+
+    Raises:
+        SpecError: it is of another kernel, or of another number of copies.
+    """
+    if len(snapshot) != records.nbytes:
+        raise SpecError(
+            "a snapshot of other copies",
+            where="restore",
+            expected=f"{records.nbytes} bytes",
+            actual=f"{len(snapshot)} bytes",
+            fix="restore what snapshot() of as many sub-environments of this kernel returned",
+        )
+    records[...] = np.frombuffer(snapshot, records.dtype)
 
 
 def _zeros(name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:

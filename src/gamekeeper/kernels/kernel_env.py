@@ -20,7 +20,7 @@ from gamekeeper.interface.turn_env import TurnEnv
 from gamekeeper.kernels.array_views import leaves, tables_of
 from gamekeeper.kernels.driver import ENDED, JOINED, PAID, SIGN_BITS, Single, single_of
 from gamekeeper.kernels.kernel import MASK, Kernel
-from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of, bound
+from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of, bound, mapped
 from gamekeeper.kernels.rule_parts import HORIZON, UNNAMED
 from gamekeeper.randomness.stream import Stream
 
@@ -281,7 +281,7 @@ class CopyArrays:
         return bytes, (b"".join(part.tobytes() for part in leaves(self.arrays)),)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> CopyArrays:
-        return CopyArrays(self.records.copy(), _copied(self.arrays._replace(raw=None)))
+        return CopyArrays(self.records.copy(), mapped(self.arrays._replace(raw=None), _copied))
 
     def take(self, other: CopyArrays | bytes) -> None:
         """Becomes what another memory of the same kernel is, in its own memory."""
@@ -302,11 +302,8 @@ def copy_arrays_of(kernel: Kernel) -> CopyArrays:
     return CopyArrays(records, arrays_of(kernel, records))
 
 
-def _copied(value: Any) -> Any:
-    if isinstance(value, tuple):
-        parts = [_copied(part) for part in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return None if value is None else value.copy()
+def _copied(array: NDArray[Any] | None) -> NDArray[Any] | None:
+    return None if array is None else array.copy()
 
 
 class Ties:

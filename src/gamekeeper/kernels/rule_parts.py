@@ -137,38 +137,18 @@ def _nothing2(s: Any, t: Any) -> None:
     pass
 
 
-def _nothing3(s: Any, t: Any, a: Any) -> None:
-    pass
-
-
-def _nothing4(s: Any, t: Any, a: Any, b: Any) -> None:
-    pass
-
-
-_NOTHING: Final = {0: _nothing2, 1: _nothing3, 2: _nothing4}
-
-
-def _without0(rule: Any) -> Any:
-    return lambda s, t: rule(s)
-
-
-def _without1(rule: Any) -> Any:
-    return lambda s, t, a: rule(s, a)
-
-
-def _without2(rule: Any) -> Any:
-    return lambda s, t, a, b: rule(s, a, b)
-
-
-def _without4(rule: Any) -> Any:
-    return lambda s, t, a, b, c, d: rule(s, a, b, c, d)
-
-
-def _without5(rule: Any) -> Any:
-    return lambda s, t, a, b, c, d, e: rule(s, a, b, c, d, e)
-
-
-_WITHOUT_TABLES: Final = {0: _without0, 1: _without1, 2: _without2, 4: _without4, 5: _without5}
+_NOTHING: Final[dict[int, Any]] = {
+    0: _nothing2,
+    1: lambda s, t, a: None,
+    2: lambda s, t, a, b: None,
+}
+_WITHOUT_TABLES: Final[dict[int, Any]] = {
+    0: lambda rule: lambda s, t: rule(s),
+    1: lambda rule: lambda s, t, a: rule(s, a),
+    2: lambda rule: lambda s, t, a, b: rule(s, a, b),
+    4: lambda rule: lambda s, t, a, b, c, d: rule(s, a, b, c, d),
+    5: lambda rule: lambda s, t, a, b, c, d, e: rule(s, a, b, c, d, e),
+}
 
 
 def _clearer(g: int | None, leaf: int | None) -> Any:

@@ -153,8 +153,7 @@ def _was_seen(turn: Turn, name: str, episode: Episode) -> bool:
     """
     if episode.is_actions:
         return name in turn.agents and bool(episode.column("observed")[turn.row(name)])
-    is_digest = "digest" in episode.steps.schema.names
-    return turn.has_observation(name) or (is_digest and name in turn.cumulative_reward)
+    return turn.has_observation(name) or (episode.is_digest and name in turn.cumulative_reward)
 
 
 def _action(turn: Turn, name: str, types: Mapping[str, str]) -> Any:

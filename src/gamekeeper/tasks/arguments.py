@@ -29,3 +29,20 @@ def check_whole(name: str, value: object, least: int, most: int | None = None) -
         actual=repr(value),
         fix=f"give {name} as a whole number, {bounds}",
     )
+
+
+def check_part(name: str, value: object) -> None:
+    """Refuses an argument that isn't a number from 0 to 1.
+
+    Raises:
+        SpecError: it isn't one.
+    """
+    if isinstance(value, int | float) and 0.0 <= value <= 1.0:
+        return
+    raise SpecError(
+        f"the task can't be made with {name}={value!r}",
+        where=name,
+        expected="a number from 0 to 1",
+        actual=repr(value),
+        fix=f"give {name} as a number from 0 to 1",
+    )

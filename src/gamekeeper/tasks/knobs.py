@@ -113,10 +113,6 @@ class Knobs:
         """True without any disturbance."""
         return not self._values and not self.held_out
 
-    def has(self, name: str) -> bool:
-        """True if the knob isn't at its ideal for all agents."""
-        return name in self._values
-
     def value(self, name: str, agent: str) -> float:
         """A knob's value for an agent."""
         return self._values[name][agent] if name in self._values else 0.0

@@ -11,6 +11,7 @@ from gymnasium.spaces import Space
 from gamekeeper.errors import ActionError, ContractError, SpecError
 from gamekeeper.interface.action_mask import for_sample, reader
 from gamekeeper.interface.author_calls import AgentId
+from gamekeeper.interface.legality import allows
 from gamekeeper.interface.wrappers.observation_wrappers import MASK, VIEW
 from gamekeeper.interface.wrappers.transform import Transform, possible, unfit
 from gamekeeper.interface.wrappers.wrapped_env import wrapped
@@ -135,7 +136,8 @@ class RepeatedActions(Transform):
         self._forbidden.discard(agent)
         if mask is None or agent not in self._last:
             return
-        if not _is_legal(self._spaces[agent], self._last[agent], mask):
+        space = self._spaces[agent]
+        if not allows(space, for_sample(space, mask), self._last[agent]):
             self._forbidden.add(agent)
 
     def action(self, agent: AgentId, action: Any) -> Any:
@@ -166,18 +168,6 @@ class RepeatedActions(Transform):
         self._last[agent] = noted
         if agent in self._streams:
             self._streams[agent].draws = self._draws[agent]
-
-
-def _is_legal(space: Space[Any], action: Any, mask: Any) -> bool:
-    """Tells whether a mask allows an action of a Discrete or MultiDiscrete space."""
-    flags = for_sample(space, mask)
-    if flags is None:
-        return True
-    if isinstance(space, spaces.Discrete):
-        return bool(flags[int(action) - int(space.start)])
-    if isinstance(space, spaces.MultiDiscrete) and space.nvec.ndim == 1:
-        return all(part[int(one)] for part, one in zip(flags, action, strict=True))
-    return True
 
 
 class PadActions(Transform):

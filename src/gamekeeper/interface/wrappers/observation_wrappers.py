@@ -11,6 +11,7 @@ from gymnasium.spaces import Space, flatten, flatten_space
 
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.author_calls import AgentId
+from gamekeeper.interface.casting import own
 from gamekeeper.interface.wrappers.transform import Transform, possible, unfit
 from gamekeeper.interface.wrappers.wrapped_env import wrapped
 
@@ -141,7 +142,7 @@ class FrameStack(Transform):
 
     def note(self, agent: AgentId, seen: Any, action: Any) -> Any:
         """Copy of the frame that the agent decides by."""
-        return _copied(seen)
+        return own(seen)
 
     def keep(self, agent: AgentId, noted: Any) -> None:
         """Adds the frame."""
@@ -270,16 +271,6 @@ def _stacked(frames: list[Any]) -> Any:
     if np.ndim(last) == 0:
         return np.array(frames, np.int64 if isinstance(last, int) else None)
     return np.stack(frames, -1) if np.ndim(last) == 2 else np.concatenate(frames, -1)
-
-
-def _copied(seen: Any) -> Any:
-    if type(seen) is np.ndarray:
-        return seen.copy()
-    if isinstance(seen, Mapping):
-        return {key: _copied(part) for key, part in seen.items()}
-    if isinstance(seen, tuple):
-        return tuple(_copied(part) for part in seen)
-    return seen
 
 
 def _zeros(space: Space[Any]) -> Any:

@@ -7,6 +7,7 @@ from pettingzoo.utils.wrappers import BaseParallelWrapper, BaseWrapper
 
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.author_calls import HORIZON, after_end
+from gamekeeper.interface.env_inside import EnvInside
 from gamekeeper.interface.wrappers.transform import is_parallel
 
 BOOKS: Final = (
@@ -45,26 +46,14 @@ def time_limit(env: Any, steps: int) -> Any:
     return form(env, steps)
 
 
-class InsideSpaces:
-    """Dictionaries of spaces of the environment inside."""
-
-    env: Any
-
-    @property
-    def observation_spaces(self) -> Any:
-        """Observation spaces of all possible agents."""
-        return {agent: self.env.observation_space(agent) for agent in self.env.possible_agents}
-
-    @property
-    def action_spaces(self) -> Any:
-        """Action spaces of all possible agents."""
-        return {agent: self.env.action_space(agent) for agent in self.env.possible_agents}
+class TimeLimit(EnvInside):
+    """What both forms have in common."""
 
     def __str__(self) -> str:
         return f"TimeLimit<{self.env}>"
 
 
-class ParallelTimeLimit(InsideSpaces, BaseParallelWrapper[Any, Any, Any]):
+class ParallelTimeLimit(TimeLimit, BaseParallelWrapper[Any, Any, Any]):
     """Use `time_limit`."""
 
     def __init__(self, env: ParallelEnv[Any, Any, Any], steps: int) -> None:
@@ -108,7 +97,7 @@ class ParallelTimeLimit(InsideSpaces, BaseParallelWrapper[Any, Any, Any]):
         return observations, rewards, terminations, truncations, infos
 
 
-class AECTimeLimit(InsideSpaces, BaseWrapper[Any, Any, Any]):
+class AECTimeLimit(TimeLimit, BaseWrapper[Any, Any, Any]):
     """Use `time_limit`.
 
     Until time is up the books are the environment's own. Then they are copied, the live are

@@ -7,6 +7,7 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper, BaseWrapper
 
 from gamekeeper.interface.author_calls import AgentId
+from gamekeeper.interface.env_inside import handed_on
 from gamekeeper.interface.wrappers.transform import (
     Transform,
     TransformedSpaces,
@@ -81,25 +82,10 @@ class AECTransformed(TransformedSpaces, BaseWrapper[Any, Any, Any]):
         if self._pays:
             self.terms = None  # they no longer add up to the reward
 
-    @property
-    def agents(self) -> Any:
-        """Agents that haven't left."""
-        return self.env.agents
-
-    @property
-    def agent_selection(self) -> Any:
-        """The agent in turn."""
-        return self.env.agent_selection
-
-    @property
-    def terminations(self) -> Any:
-        """Flags of agents that a rule has ended."""
-        return self.env.terminations
-
-    @property
-    def truncations(self) -> Any:
-        """Flags of agents that were cut off."""
-        return self.env.truncations
+    agents = handed_on("env.agents")
+    agent_selection = handed_on("env.agent_selection")
+    terminations = handed_on("env.terminations")
+    truncations = handed_on("env.truncations")
 
     @property
     def infos(self) -> Any:

@@ -51,7 +51,7 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
 from gamekeeper.tasks.arguments import NEVER, check_whole
-from gamekeeper.tasks.drawing import Canvas, metadata_of
+from gamekeeper.tasks.drawing import Canvas, Pictured, metadata_of
 from gamekeeper.tasks.foraging import foraging_rules as rules
 from gamekeeper.tasks.foraging.foraging_rules import FoodField, Levels, levels
 
@@ -59,46 +59,6 @@ DIGITS: Final = "0123456789"
 LETTERS: Final = "_abcdefghijklmnopqrstuvwxyz"
 DOTS: Final = 9
 """Levels that a picture can show, in dots three by three; higher ones look like the last."""
-
-
-def draw(
-    state: NDArray[np.int64], players: int, size: tuple[int, int], *, is_text: bool
-) -> str | NDArray[np.uint8]:
-    """Letters or pixels of (row, column, level) of each player, then of each food.
-
-    Letters: `1` to `9` food by its level (`+`: higher), `a` a player of level 1, `b` of level 2 and
-    so on, capital where several share a cell.
-    """
-    foods = [tuple(row) for row in state[players:].tolist() if row[2] > 0]
-    there = [tuple(row) for row in state[:players].tolist()]
-    return _text(there, foods, size) if is_text else _picture(there, foods, size)
-
-
-def _text(
-    players: list[tuple[int, ...]], foods: list[tuple[int, ...]], size: tuple[int, int]
-) -> str:
-    letters = [["."] * size[1] for _ in range(size[0])]
-    for row, column, level in foods:
-        letters[row][column] = DIGITS[level] if level < len(DIGITS) else "+"
-    for row, column, level in players:
-        is_taken = letters[row][column] != "."
-        letter = LETTERS[min(level, len(LETTERS) - 1)]
-        letters[row][column] = letter.upper() if is_taken else letter
-    return drawing.text_of(letters)
-
-
-def _picture(
-    players: list[tuple[int, ...]], foods: list[tuple[int, ...]], size: tuple[int, int]
-) -> NDArray[np.uint8]:
-    """Food is green, players are blue; dots tell the level."""
-    canvas = Canvas(size[1], size[0])
-    for row, column, level in foods:
-        canvas.fill(column, row, drawing.GREEN, inset=0.1)
-        _dots(canvas, row, column, level)
-    for row, column, level in players:
-        canvas.disc(column, row, drawing.BLUE, radius=0.46)
-        _dots(canvas, row, column, level)
-    return canvas.pixels
 
 
 def _dots(canvas: Canvas, row: int, column: int, level: int) -> None:
@@ -266,7 +226,7 @@ def arguments_of(gymnasium_id: str) -> dict[str, Any]:
     }
 
 
-class Foraging(KernelTicks):
+class Foraging(Pictured, KernelTicks):
     """Each player sees [3 max_num_food + 3 players] float32 numbers (R7); actions are 0 to 5.
 
     Arguments are named as lbforaging's; `Foraging(**arguments_of("Foraging-8x8-2p-3f-v3"))` is what
@@ -301,10 +261,43 @@ class Foraging(KernelTicks):
         kernel = foraging_kernel(**arguments)
         super().__init__(kernel, render_mode=render_mode, debug=debug)
 
-    def render(self) -> str | NDArray[np.uint8] | None:
-        """The field in letters, or in cells of 24 pixels, [24 rows, 24 columns, 3]."""
-        if self.render_mode is None:
-            return None
-        rows, columns = (side - 2 for side in self.memory.records["grid"].shape[1:])
-        players = len(self.possible_agents)
-        return draw(self.state(), players, (rows, columns), is_text=self.render_mode == "ansi")
+    def letters(self) -> str:
+        """Field in letters.
+
+        `1` to `9` food by its level (`+`: higher), `a` a player of level 1, `b` of level 2 and so
+        on, capital where several share a cell.
+        """
+        rows, columns = self._size()
+        letters = [["."] * columns for _ in range(rows)]
+        players, foods = self._placed()
+        for row, column, level in foods:
+            letters[row][column] = DIGITS[level] if level < len(DIGITS) else "+"
+        for row, column, level in players:
+            is_taken = letters[row][column] != "."
+            letter = LETTERS[min(level, len(LETTERS) - 1)]
+            letters[row][column] = letter.upper() if is_taken else letter
+        return drawing.text_of(letters)
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Field in cells of 24 pixels, [24 rows, 24 columns, 3]; dots tell the level.
+
+        Food is green, players are blue.
+        """
+        rows, columns = self._size()
+        canvas = Canvas(columns, rows)
+        players, foods = self._placed()
+        for row, column, level in foods:
+            canvas.fill(column, row, drawing.GREEN, inset=0.1)
+            _dots(canvas, row, column, level)
+        for row, column, level in players:
+            canvas.disc(column, row, drawing.BLUE, radius=0.46)
+            _dots(canvas, row, column, level)
+        return canvas.pixels
+
+    def _size(self) -> tuple[int, ...]:
+        return tuple(side - 2 for side in self.memory.records["grid"].shape[1:])
+
+    def _placed(self) -> tuple[list[list[int]], list[list[int]]]:
+        """Row, column and level of each player, and of each food that is left."""
+        rows, count = self.state().tolist(), len(self.possible_agents)
+        return rows[:count], [row for row in rows[count:] if row[2] > 0]

@@ -53,7 +53,17 @@ from gamekeeper.kernels.kernel_env import MaskedTurns
 from gamekeeper.randomness.stream import Stream
 from gamekeeper.tasks.arguments import check_whole
 from gamekeeper.tasks.disturbances import DisturbedTurns
-from gamekeeper.tasks.drawing import BLUE, GREEN, ORANGE, PAPER, STONE, WOOD, Canvas, metadata_of
+from gamekeeper.tasks.drawing import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PAPER,
+    STONE,
+    WOOD,
+    Canvas,
+    Pictured,
+    metadata_of,
+)
 from gamekeeper.tasks.handover import handover_rules as rules
 from gamekeeper.tasks.handover.handover_rules import (
     GRASP,
@@ -72,50 +82,6 @@ from gamekeeper.tasks.knobs import KnobArguments, Knobs
 
 HANDS: Final = {"giver_0": (">", "G", BLUE), "receiver_0": ("<", "R", ORANGE)}
 """By agent: an empty hand, a full one, and the colour of the arm."""
-
-
-def text_of(env: Handover) -> str:
-    """`1 >.[.o.].< 2/4`: parts on the tray, the line, parts in the bin.
-
-    Hands are `>` and `<`, full `G` and `R`; the slot is `_`, with a part `o`, where no hand is over
-    it; the shared space stands in brackets.
-    """
-    letters = ["."] * env.cells
-    letters[env.slot_cell] = "_" if env.slot is None else "o"
-    for agent, cell in _cells(env).items():
-        empty, full, _ = HANDS[agent]
-        letters[cell] = empty if env.arms[agent].part is None else full
-    letters.insert(env.reach + env.shared, "]")
-    letters.insert(env.reach, "[")
-    return f"{len(env.tray)} {''.join(letters)} {env.delivered}/{env.parts}"
-
-
-def pixels_of(env: Handover) -> NDArray[np.uint8]:
-    """The arms from both sides, the slot between them, levels of tray and bin at the ends.
-
-    Returns:
-        [72, 24 * (cells + 2), 3] uint8.
-    """
-    canvas = Canvas(env.cells + 2, 3)
-    canvas.rectangle(1 + env.reach, 0, env.shared, 3, STONE)
-    canvas.fill(1 + env.slot_cell, 1, PAPER, inset=0.05)
-    if env.slot is not None:
-        canvas.fill(1 + env.slot_cell, 1, WOOD, inset=0.2)
-    canvas.bar(0, 1, len(env.tray) / env.tray_size, WOOD)
-    canvas.bar(env.cells + 1, 1, env.delivered / env.parts, GREEN)
-    for agent, cell in _cells(env).items():
-        color, length = HANDS[agent][2], env.arms[agent].extension + 0.5
-        start = 1.0 if agent == "giver_0" else env.cells + 1 - length
-        canvas.rectangle(start, 1.4, length, 0.2, color)
-        canvas.disc(cell + 1, 1, color)
-        if env.arms[agent].part is not None:
-            canvas.fill(cell + 1, 1, WOOD, inset=0.3)
-    return canvas.pixels
-
-
-def _cells(env: Handover) -> dict[str, int]:
-    from_right = env.arms["receiver_0"].extension
-    return {"giver_0": env.arms["giver_0"].extension, "receiver_0": env.cells - 1 - from_right}
 
 
 GIVER, RECEIVER = AGENTS = ("giver_0", "receiver_0")
@@ -202,7 +168,7 @@ class Arm:
     ready: int
 
 
-class Handover(DisturbedTurns, MaskedTurns):
+class Handover(Pictured, DisturbedTurns, MaskedTurns):
     """Parts go from the tray by giver, slot and receiver to the bin; see the rules above.
 
     An arm is shown [9] int64, 0 standing for what it doesn't see (knob `occlusion`): its own
@@ -344,8 +310,43 @@ class Handover(DisturbedTurns, MaskedTurns):
 
     # -- pictures
 
-    def render(self) -> str | NDArray[np.uint8] | None:
-        """`1 >.[.o.].< 2/4`: tray, line, bin; or cells of 24 pixels. See `handover_picture`."""
-        if self.render_mode == "ansi":
-            return text_of(self)
-        return pixels_of(self) if self.render_mode == "rgb_array" else None
+    def letters(self) -> str:
+        """`1 >.[.o.].< 2/4`: parts on the tray, the line, parts in the bin.
+
+        Hands are `>` and `<`, full `G` and `R`; the slot is `_`, with a part `o`, where no hand is
+        over it; the shared space stands in brackets.
+        """
+        letters = ["."] * self.cells
+        letters[self.slot_cell] = "_" if self.slot is None else "o"
+        for agent, cell in self._hands().items():
+            empty, full, _ = HANDS[agent]
+            letters[cell] = empty if self.arms[agent].part is None else full
+        letters.insert(self.reach + self.shared, "]")
+        letters.insert(self.reach, "[")
+        return f"{len(self.tray)} {''.join(letters)} {self.delivered}/{self.parts}"
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """The arms from both sides, the slot between them, levels of tray and bin at the ends.
+
+        Returns:
+            [72, 24 * (cells + 2), 3] uint8.
+        """
+        canvas = Canvas(self.cells + 2, 3)
+        canvas.rectangle(1 + self.reach, 0, self.shared, 3, STONE)
+        canvas.fill(1 + self.slot_cell, 1, PAPER, inset=0.05)
+        if self.slot is not None:
+            canvas.fill(1 + self.slot_cell, 1, WOOD, inset=0.2)
+        canvas.bar(0, 1, len(self.tray) / self.tray_size, WOOD)
+        canvas.bar(self.cells + 1, 1, self.delivered / self.parts, GREEN)
+        for agent, cell in self._hands().items():
+            color, length = HANDS[agent][2], self.arms[agent].extension + 0.5
+            start = 1.0 if agent == GIVER else self.cells + 1 - length
+            canvas.rectangle(start, 1.4, length, 0.2, color)
+            canvas.disc(cell + 1, 1, color)
+            if self.arms[agent].part is not None:
+                canvas.fill(cell + 1, 1, WOOD, inset=0.3)
+        return canvas.pixels
+
+    def _hands(self) -> dict[str, int]:
+        left, right = self.whereabouts()
+        return {GIVER: left, RECEIVER: self.cells - 1 - right}

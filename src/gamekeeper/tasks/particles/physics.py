@@ -29,7 +29,6 @@ from typing import Any, Final
 import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 
-from gamekeeper.errors import SpecError
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Field
 from gamekeeper.kernels.scalar_rules import inlined, rule
@@ -83,22 +82,6 @@ def check_counts(**counts: int | None) -> None:
     for name, count in counts.items():
         if count is not None:
             check_whole(name, count, 1, MOST)
-
-
-def check_ratio(value: Any) -> None:
-    """Refuses a `local_ratio` that isn't a number from 0 to 1.
-
-    Raises:
-        SpecError: it isn't a number from 0 to 1.
-    """
-    if not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
-        raise SpecError(
-            f"the task can't be made with local_ratio={value!r}",
-            where="local_ratio",
-            expected="a number from 0 to 1",
-            actual=repr(value),
-            fix="give local_ratio as a number from 0 to 1",
-        )
 
 
 def least_square(distance: float) -> float:

@@ -27,6 +27,7 @@ import numpy as np
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
+from gamekeeper.tasks.arguments import check_part
 from gamekeeper.tasks.drawing import Color, metadata_of
 from gamekeeper.tasks.particles import bearings
 from gamekeeper.tasks.particles import physics as p
@@ -107,7 +108,7 @@ def reference_kernel(
     Raises:
         SpecError: an argument is out of its range.
     """
-    p.check_ratio(local_ratio)
+    check_part("local_ratio", local_ratio)
     p.check_counts(max_cycles=max_cycles)
     return Kernel(
         name="reference_v0",

@@ -30,7 +30,7 @@ import numpy as np
 
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
-from gamekeeper.tasks.arguments import check_whole
+from gamekeeper.tasks.arguments import check_part, check_whole
 from gamekeeper.tasks.drawing import BLUE, STONE, metadata_of
 from gamekeeper.tasks.particles import bearings
 from gamekeeper.tasks.particles import physics as p
@@ -195,7 +195,7 @@ def spread_kernel(
     p.check_counts(
         N=N, max_cycles=max_cycles, num_agent_neighbors=others, num_landmark_neighbors=marks
     )
-    p.check_ratio(local_ratio)
+    check_part("local_ratio", local_ratio)
     check_whole("curriculum_stage", curriculum_stage, 0, LAST_STAGE)
     others_seen, marks_seen = N - 1 if others is None else others, N if marks is None else marks
     length = 4 + 2 * marks_seen + (2 + WORD) * others_seen

@@ -45,7 +45,7 @@ from numpy.typing import NDArray
 from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
-from gamekeeper.tasks.arguments import check_whole
+from gamekeeper.tasks.arguments import check_part, check_whole
 from gamekeeper.tasks.drawing import BLUE, CELL, INK, ORANGE, Canvas, Pictured, metadata_of, text_of
 from gamekeeper.tasks.pursuit import pursuit_rules as rules
 
@@ -283,16 +283,9 @@ def _check_all(given: Mapping[str, Any]) -> None:
     most = {"catchers": 4, "stamina": MOST_ENERGY}
     for name in (*least, "pursuer_sight", "evader_sight", "horizon"):
         check_whole(name, given[name], least.get(name, 1), most.get(name))
-    rocks, evaders_are = given["rocks"], given["evaders_are"]
-    if not 0.0 <= rocks <= 1.0:
-        raise SpecError(
-            "rocks is a probability",
-            where="rocks",
-            expected="0 to 1",
-            actual=repr(rocks),
-            fix="give a number from 0 to 1",
-        )
-    check_choice(evaders_are, SCRIPTS, "there is no such mover of the evaders", where="evaders_are")
+    check_part("rocks", given["rocks"])
+    no_mover = "there is no such mover of the evaders"
+    check_choice(given["evaders_are"], SCRIPTS, no_mover, where="evaders_are")
     rows, columns = given["rows"], given["columns"]
     free = rows * columns - (rows // 2) * (columns // 2)
     count = given["pursuers"] + given["evaders"]

@@ -49,7 +49,7 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
 from gamekeeper.tasks.arguments import NEVER, check_whole
-from gamekeeper.tasks.drawing import Canvas, metadata_of
+from gamekeeper.tasks.drawing import Canvas, Pictured, metadata_of
 from gamekeeper.tasks.robotic_warehouse import robotic_warehouse_rules as rules
 from gamekeeper.tasks.robotic_warehouse.robotic_warehouse_floor import (
     OWN,
@@ -66,44 +66,6 @@ LOADED: Final = "AVLR"
 SHELVES: Final = ".xX"
 NOSE: Final = ((0.42, 0.1), (0.42, 0.74), (0.1, 0.42), (0.74, 0.42))
 """Place of a robot's front in its cell, by direction: left and top, in cells."""
-
-
-def draw(state: NDArray[np.int32], tables: Any, *, is_text: bool) -> str | NDArray[np.uint8]:
-    """Letters or pixels of [robots, directions, loads, shelves] by row and column.
-
-    Letters: `^ v < >` a robot, `A V L R` a loaded one, `x` shelf, `X` requested shelf, `_` a place
-    without its shelf, `g` goal.
-    """
-    rows, columns = state.shape[1:]
-    kinds = tables["floor"][tables["cells"]].reshape(rows, columns)
-    goals = np.isin(tables["cells"], tables["goals"]).reshape(rows, columns)
-    return _text(state, kinds, goals) if is_text else _picture(state, kinds, goals)
-
-
-def _text(state: NDArray[np.int32], kinds: NDArray[Any], goals: NDArray[Any]) -> str:
-    _, facing, loads, shelves = state
-    empty = np.where(goals, "g", np.where(kinds == PLACE, "_", "."))
-    letters = np.where(shelves > 0, np.take(list(SHELVES), shelves), empty)
-    robots = np.where(
-        loads > 0, np.take(list(LOADED), facing - 1), np.take(list(ARROWS), facing - 1)
-    )
-    return drawing.text_of(np.where(facing > 0, robots, letters))
-
-
-def _picture(
-    state: NDArray[np.int32], kinds: NDArray[Any], goals: NDArray[Any]
-) -> NDArray[np.uint8]:
-    robots, facing, loads, shelves = state
-    canvas = Canvas(state.shape[2], state.shape[1])
-    for y, x in np.argwhere((kinds == PLACE) | goals):
-        canvas.fill(x, y, drawing.GREEN if goals[y, x] else (226, 221, 211), inset=0.04)
-    for y, x in np.argwhere(shelves > 0):
-        canvas.fill(x, y, drawing.RED if shelves[y, x] == 2 else drawing.WOOD, inset=0.12)
-    for y, x in np.argwhere(robots > 0):
-        canvas.disc(x, y, drawing.ORANGE if loads[y, x] else drawing.BLUE, radius=0.32)
-        left, top = NOSE[facing[y, x] - 1]
-        canvas.rectangle(x + left, y + top, 0.16, 0.16, drawing.INK)
-    return canvas.pixels
 
 
 NOOP, FORWARD, LEFT, RIGHT, TOGGLE = range(5)
@@ -349,7 +311,7 @@ def arguments_of(gymnasium_id: str) -> dict[str, Any]:
     }
 
 
-class RoboticWarehouse(KernelTicks):
+class RoboticWarehouse(Pictured, KernelTicks):
     """Each robot sees [8 + 7 (2 sensor_range + 1)^2] float32 numbers (R9); actions are 0 to 4.
 
     Arguments are named as rware's; `RoboticWarehouse(**arguments_of("rware-tiny-2ag-v2"))` is what
@@ -384,8 +346,38 @@ class RoboticWarehouse(KernelTicks):
         kernel = robotic_warehouse_kernel(**arguments)
         super().__init__(kernel, render_mode=render_mode, debug=debug)
 
-    def render(self) -> str | NDArray[np.uint8] | None:
-        """The floor in letters, or in cells of 24 pixels, [24 rows, 24 columns, 3]."""
-        if self.render_mode is None:
-            return None
-        return draw(self.state(), self.tables[0], is_text=self.render_mode == "ansi")
+    def letters(self) -> str:
+        """Floor in letters.
+
+        `^ v < >` a robot, `A V L R` a loaded one, `x` shelf, `X` requested shelf, `_` a place
+        without its shelf, `g` goal.
+        """
+        _, facing, loads, shelves = self.state()
+        places, goals = self._drawn()
+        empty = np.where(goals, "g", np.where(places, "_", "."))
+        letters = np.where(shelves > 0, np.take(list(SHELVES), shelves), empty)
+        robots = np.where(
+            loads > 0, np.take(list(LOADED), facing - 1), np.take(list(ARROWS), facing - 1)
+        )
+        return drawing.text_of(np.where(facing > 0, robots, letters))
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Floor in cells of 24 pixels, [24 rows, 24 columns, 3]."""
+        robots, facing, loads, shelves = self.state()
+        places, goals = self._drawn()
+        canvas = Canvas(*robots.shape[::-1])
+        for y, x in np.argwhere(places | goals):
+            canvas.fill(x, y, drawing.GREEN if goals[y, x] else (226, 221, 211), inset=0.04)
+        for y, x in np.argwhere(shelves > 0):
+            canvas.fill(x, y, drawing.RED if shelves[y, x] == 2 else drawing.WOOD, inset=0.12)
+        for y, x in np.argwhere(robots > 0):
+            canvas.disc(x, y, drawing.ORANGE if loads[y, x] else drawing.BLUE, radius=0.32)
+            left, top = NOSE[facing[y, x] - 1]
+            canvas.rectangle(x + left, y + top, 0.16, 0.16, drawing.INK)
+        return canvas.pixels
+
+    def _drawn(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Flags of the shelves' places and of the goals, by row and column."""
+        t, shape = self.tables[0], self.state_space.shape[1:]
+        cells = t["cells"].reshape(shape)
+        return t["floor"][cells] == PLACE, np.isin(cells, t["goals"])
