@@ -64,6 +64,7 @@ class Evidence:
     Attributes:
         manifest: environment, contract, spaces, seeds, status, fingerprints.
         tables: the streams; an episode reads only its own rows.
+        facts: observations of probes that aren't turns.
         path: the folder of the run; None for evidence in memory.
         root: root digest of the run, as it was when this was read; None in memory, or while open.
         small: the folder of the run that this is the expansion of, where that is another one.
@@ -71,6 +72,7 @@ class Evidence:
 
     manifest: Mapping[str, Any]
     tables: Tables
+    facts: tuple[Any, ...] = ()
     path: PurePath | None = None
     root: str | None = None
     small: PurePath | None = None
