@@ -48,3 +48,10 @@ def test_python_m_gamekeeper_is_the_command_line() -> None:
         check=True,
     )
     assert done.stdout == f"gamekeeper {gk.__version__}\n"
+
+
+def test_evidence_has_every_documented_name() -> None:
+    """What others read of evidence stays, also where nothing of ours reads it."""
+    evidence = gk.rollout("two_robot_line", episodes=1, seed=0)
+    names = "manifest contract fingerprint episodes agent_steps states facts to_pandas"
+    assert [name for name in names.split() if not hasattr(evidence, name)] == []
