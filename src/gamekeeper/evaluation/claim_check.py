@@ -78,7 +78,6 @@ class CheckedClaim:
     """Outcome of checking a claim.
 
     Attributes:
-        claim: the file.
         digest: of what it claims.
         damage: files that aren't those that were packed.
         differs: packages and sources that are others here.
@@ -121,7 +120,6 @@ def reproduce(
     """Unpacks a claim, says what differs here, plays its runs again and ticks each figure.
 
     Args:
-        claim: the file.
         folder: a new or empty folder, into which it is unpacked.
         env: environment to play in place of those that the runs name.
         allow_import: run the claim's own source, and whatever its runs name.

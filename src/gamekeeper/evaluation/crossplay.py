@@ -291,12 +291,7 @@ class Duel:
         return Duel(turned, (self.methods[1], self.methods[0]))
 
     def compared(self, judge: Judge, *, of: str, name: Sequence[object]) -> Compared:
-        """By how much the one is above the other.
-
-        Args:
-            of: subject that a refusal names.
-            name: of the random stream.
-        """
+        """By how much the one is above the other."""
         pairs = list(self.meetings.values())
         broken = _lost([figures for pair in pairs for figures in pair])
         if not any(self.methods):

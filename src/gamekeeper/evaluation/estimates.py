@@ -78,7 +78,6 @@ class Judge:
     """Makes intervals, and notes what was refused and why.
 
     Args:
-        level: of all intervals.
         seed: with the name of what is judged it settles the resamples, so that no interval hangs
             on which others were made.
     """
@@ -220,7 +219,6 @@ class Judge:
             a: [episodes] of one, b: of the other; NaN where an episode has no figure.
             of, name: as `episodes` takes them.
             lost: seeds on which one of them broke off.
-            is_share: figures are failure and success.
         """
         total = len(a)
         both = ~np.isnan(a) & ~np.isnan(b)
@@ -300,7 +298,6 @@ class Judge:
             blocks: by method [runs, episodes], of each run the mean over its meetings.
             times: what a run's mean is enlarged by: in how many positions its method sits.
             luck: of single meetings, where runs vary in both positions.
-            of: subject that a refusal names.
             lost: seeds on which a meeting broke off.
         """
         total = blocks[0].shape[1]

@@ -23,10 +23,7 @@ class Evaluation:
     """Results with their intervals, comparisons, cross-play, and what was refused and why.
 
     Attributes:
-        name: of the evaluation.
         suite: id, version and fingerprint of the suite that it is of; None where it is of none.
-        seed: of the run.
-        level: of all intervals.
         environments: by name: spec, arguments, digest, version, API, roles.
         policies: by name: how many runs, their digests, whether it is a method.
         results: a row for each environment, policy, run (None: over runs), subject and metric.

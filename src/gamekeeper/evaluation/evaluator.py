@@ -73,7 +73,6 @@ def evaluate(
         spec: a TOML file, a suite's name or id, plain data; else what opens an environment.
         policies: by name: a policy, policies by role, or a list of a method's training runs.
         episodes: that everybody plays.
-        seed: of the run.
         crossplay: every policy in every position with every partner; or its section as plain data.
         env_kwargs, contract: of an environment.
         record: `digest` or `full` records a run of every pairing.

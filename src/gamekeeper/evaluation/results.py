@@ -42,7 +42,6 @@ class Ground:
     """An environment's share of an evaluation.
 
     Attributes:
-        name: of the environment.
         inspection: of the environment and the policies.
         has_team: a sum over all agents means something.
         sheets: of every policy's every run by itself.

@@ -120,7 +120,6 @@ class Spec:
     """An evaluation, whole.
 
     Attributes:
-        name: of the evaluation.
         suite: its id and version where it is one that others cite.
         environments, policies: by name.
         seed: of the run; settles every episode's and every policy's draws.
@@ -131,7 +130,6 @@ class Spec:
         infos: fields of the last infos that are metrics too.
         terms: reward terms that are metrics; None: all.
         unit: `auto`, `episode` or `run`.
-        level: of intervals.
         record: `digest` or `full`: evidence is kept beside the results; None: none.
         folder: where paths in it are looked for first; no part of its value.
     """

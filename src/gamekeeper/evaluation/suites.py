@@ -13,7 +13,7 @@ from gamekeeper import plugins
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.evaluation.inspection import Inspection, digest_of
 from gamekeeper.evaluation.spec import EVERYONE, Spec
-from gamekeeper.evaluation.spec_reader import read_file, read_spec
+from gamekeeper.evaluation.spec_reader import POLICY_KEYS, read_file, read_spec
 from gamekeeper.interface.distributions import FACTORY_NAMES
 
 GROUP: Final = "gamekeeper.suites"
@@ -151,8 +151,7 @@ def pinned(data: Mapping[str, Any], inspections: Mapping[str, Inspection]) -> di
     }
     policies = {}
     for name, row in data["policies"].items():
-        known = ("policy", "runs", "version", "files", "digests", "environments", "curve", "step")
-        is_table = isinstance(row, Mapping) and any(key in row for key in known)
+        is_table = isinstance(row, Mapping) and any(key in row for key in POLICY_KEYS)
         inner = row if is_table else {"runs" if isinstance(row, list) else "policy": row}
         digests = dict.fromkeys(
             d for inspection in inspections.values() for d in inspection.policies.get(name, ())
@@ -211,24 +210,18 @@ def spec_of(
         if policies:
             dummy = {"environments": dict.fromkeys(found.environments, "-")}
             found = replace(found, policies=read_spec({**dummy, "policies": policies}).policies)
-    asked: dict[str, Any] = {
-        "seed": seed,
-        "episodes": episodes,
-        "crossplay": crossplay,
-        "record": record,
-    }
-    asked = {key: value for key, value in asked.items() if value is not None}
     names = {
         part: dict.fromkeys(getattr(found, part), "-") for part in ("environments", "policies")
     }
-    seeds = {"run": asked.get("seed"), "episodes": asked.get("episodes")}
-    data = {
-        **names,
-        **{key: asked[key] for key in ("crossplay", "record") if key in asked},
-        "seeds": {key: value for key, value in seeds.items() if value is not None},
-    }
-    read = read_spec(data, source="arguments")
+    parts = _known(crossplay=crossplay, record=record)
+    seeds = _known(run=seed, episodes=episodes)
+    read = read_spec({**names, **parts, "seeds": seeds}, source="arguments")
+    asked = (*parts, *_known(seed=seed, episodes=episodes))
     return replace(found, **{key: getattr(read, key) for key in asked})
+
+
+def _known(**values: Any) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None}
 
 
 def _read(given: object) -> Spec | None:

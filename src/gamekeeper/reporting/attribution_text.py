@@ -6,10 +6,9 @@ from typing import Any, Final
 from gamekeeper.reporting.crowd import CROWD_LEGEND, crowd_rows
 from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import UNDEFINED, table_lines
-from gamekeeper.reporting.text_columns import item_lines, wrapped
+from gamekeeper.reporting.text_columns import INDENT, indented, item_lines, items_text, wrapped
 from gamekeeper.statistics.significance import p_text
 
-INDENT: Final = "  "
 SHOWN_FROM: Final = 0.05
 """Share of actions from which an influence is shown."""
 RECORDED: Final = (
@@ -44,7 +43,6 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
 
     Args:
         document: as `Attribution.to_json` gives it.
-        width: columns that no line exceeds, as far as names allow.
     """
     blocks = [
         _recorded(document, width),
@@ -135,12 +133,12 @@ def _group(
 ) -> str:
     """A table of agents, by the values of its first column, with its title and a legend."""
     lines = wrapped(title, width, rest=INDENT)
-    lines += wrapped(above, width, first=INDENT, rest=INDENT)
+    lines += indented(above, width)
     shown = crowd_rows(rows[1:], values, _number)
     if len(shown) < len(rows) - 1:
         legend = [*legend, CROWD_LEGEND]
     below = [line for each in legend for line in item_lines(each, width)]
-    return "\n".join([*lines, _table([rows[0], *shown]), *below])
+    return "\n".join([*lines, *table_lines([rows[0], *shown], width=WIDE), *below])
 
 
 def _signs(parts: Sequence[Mapping[str, Any] | None], absent: str) -> list[str]:
@@ -202,17 +200,13 @@ def _stand_in(parts: Sequence[Mapping[str, Any] | None]) -> str:
 
 def _verdict(document: Mapping[str, Any], width: int, key: str, title: str) -> str:
     """The agents that are lazy, or harmful, each with its reason."""
-    found = {name: part for name, part in document["agents"].items() if part.get(key)}
-    lines = [
-        line
-        for name, part in found.items()
-        for line in wrapped(f"{name}: {part[f'{key}_why']}", width, first=INDENT, rest=INDENT * 2)
-    ]
-    return "\n".join([*wrapped(title, width, rest=INDENT), *lines]) if lines else ""
+    agents = document["agents"].items()
+    texts = [f"{name}: {part[f'{key}_why']}" for name, part in agents if part.get(key)]
+    return items_text("\n".join(wrapped(title, width, rest=INDENT)), texts, width)
 
 
 def _messages(document: Mapping[str, Any], width: int) -> str:
-    lines = []
+    texts = []
     for row in document["messages"]:
         if row["kind"] == "listening":
             text = f"{row['to']} {listening_text(row)}"
@@ -226,8 +220,8 @@ def _messages(document: Mapping[str, Any], width: int) -> str:
                 f"the next action of {row['to']} has {row['bits']:.2f} bits of information about "
                 f"{row['from']}'s messages ({_tested(row)})"
             )
-        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
-    return "\n".join(["Messages", *lines]) if lines else ""
+        texts.append(text)
+    return items_text("Messages", texts, width)
 
 
 def _tested(row: Mapping[str, Any]) -> str:
@@ -243,32 +237,20 @@ def listening_text(row: Mapping[str, Any]) -> str:
 
 
 def _penalties(document: Mapping[str, Any], width: int) -> str:
-    lines = []
-    for row in document["penalties"]:
-        first = row["first"]
-        if first is None:
-            continue
-        text = (
-            f"{row['agent']} gets {row['term']} for actions of {', '.join(row['by'])}: "
-            f"{row['p']:.0%} of {row['n']} penalties ({row['low']:.0%} to {row['high']:.0%}), "
-            f"first in episode {first['episode']} (seed {first['seed']}), turn {first['turn']}: "
-            f"{first['paid']:g}"
-        )
-        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
-    return "\n".join(["Penalties caused by another agent", *lines]) if lines else ""
+    texts = [
+        f"{row['agent']} gets {row['term']} for actions of {', '.join(row['by'])}: "
+        f"{row['p']:.0%} of {row['n']} penalties ({row['low']:.0%} to {row['high']:.0%}), "
+        f"first in episode {first['episode']} (seed {first['seed']}), turn {first['turn']}: "
+        f"{first['paid']:g}"
+        for row in document["penalties"]
+        if (first := row["first"]) is not None
+    ]
+    return items_text("Penalties caused by another agent", texts, width)
 
 
 def _not_tested(document: Mapping[str, Any], width: int) -> str:
-    lines = [
-        line
-        for each in document["not_tested"]
-        for line in wrapped(f"{each['what']}: {each['why']}", width, first=INDENT, rest=INDENT * 2)
-    ]
-    return "\n".join(["Not tested", *lines]) if lines else ""
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    return "\n".join(table_lines(rows, width=WIDE))
+    texts = (f"{each['what']}: {each['why']}" for each in document["not_tested"])
+    return items_text("Not tested", texts, width)
 
 
 def _measured(part: Mapping[str, Any] | None) -> str:

@@ -115,8 +115,6 @@ def sarif_json(
     Waived findings are results too, suppressed with the contract's reason.
 
     Args:
-        audits: documents of audits.
-        version: of Gamekeeper.
         places: for each audit the address of the file with its rules: relative to the root of the
             sources where it lies inside, else absolute; None where there is no file.
     """

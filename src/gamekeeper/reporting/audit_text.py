@@ -8,13 +8,12 @@ from typing import Any, Final
 
 from gamekeeper.checks.verdict import LOW, MINOR, NO_CASE, SEVERITIES
 from gamekeeper.contract.validation import one_line
-from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import columns_of, wrapped
+from gamekeeper.reporting.results_text import table_lines, table_text
+from gamekeeper.reporting.text_columns import INDENT, columns_of, indented, items_text, wrapped
 
 Document = Mapping[str, Any]
 Row = tuple[str, str]
 
-INDENT: Final = "  "
 OUTCOMES: Final = (
     "passed",
     "waived",
@@ -49,7 +48,7 @@ def title_text(audit: Document, *, width: int) -> str:
     name, counts = f"{one_line(audit['environment'])}{api}:", counts_text(audit)
     if columns_of(name) + columns_of(counts) < width:
         return f"{name} {counts}"
-    return "\n".join([name, *wrapped(counts, width, first=INDENT, rest=INDENT)])
+    return "\n".join([name, *indented(counts, width)])
 
 
 def counts_text(audit: Document) -> str:
@@ -70,16 +69,14 @@ def failed_blocks(audit: Document, *, width: int) -> Iterator[tuple[str, str]]:
 
     A cause stands where the worst of what follows from it would.
 
-    Args:
-        audit: the document.
-        width: columns that no line exceeds, as far as words allow.
     """
     failed = verdicts_of(audit, "failed")
     causes = [each for each in failed if not each["follows_from"]]
     for severity in SEVERITIES:
         found = [each for each in causes if _worst(each, failed) == severity]
         if found and severity == LOW:
-            yield "Failed: low severity", "\n".join(_row_lines([_minor(x) for x in found], width))
+            rows = [_minor(each) for each in found]
+            yield "Failed: low severity", "\n".join(table_lines(rows, width=width))
         elif found:
             yield (
                 f"Failed: {severity} severity",
@@ -88,17 +85,13 @@ def failed_blocks(audit: Document, *, width: int) -> Iterator[tuple[str, str]]:
     follow = [each for each in failed if each["follows_from"]]
     rows = [_consequence(each) for each in follow]
     if rows:
-        yield "Failed: consequences of these", "\n".join(_row_lines(rows, width))
+        yield "Failed: consequences of these", "\n".join(table_lines(rows, width=width))
 
 
 def _worst(cause: Document, failed: Sequence[Document]) -> str:
     """The worst severity among a cause and what follows from it."""
     group = [each for each in failed if (each["follows_from"] or {}).get("id") == cause["id"]]
     return SEVERITIES[min(SEVERITIES.index(each["severity"]) for each in (cause, *group))]
-
-
-def _row_lines(rows: Sequence[Row], width: int) -> list[str]:
-    return list(table_lines(rows, width=width))
 
 
 def _minor(verdict: Document) -> Row:
@@ -122,20 +115,19 @@ def rows_text(verdicts: Sequence[Document], run: str, *, width: int) -> str:
     Args:
         verdicts: failed ones, as in the document of an audit.
         run: the folder of the run.
-        width: columns that no line exceeds, as far as words allow.
     """
     rows = [
         (each["id"], _short(f"{broken_rule(each)} First failed at {each['findings'][0]['where']}."))
         for each in verdicts
     ]
     rows.append(("", f"(gamekeeper audit {run} says more)"))
-    return _section("Rules that the recorded rows break", rows, width)
+    return table_text("Rules that the recorded rows break", rows, width)
 
 
 def masked_text(masked: Mapping[str, tuple[int, int]], *, width: int) -> str:
     """Actions that the mask forbids, by agent; empty where there are none."""
     rows = [(name, f"{count:,} of {of:,}") for name, (count, of) in masked.items()]
-    return _section("Actions that their mask forbids (of the policies)", rows, width)
+    return table_text("Actions that their mask forbids (of the policies)", rows, width)
 
 
 def outside_text(
@@ -152,7 +144,7 @@ def outside_text(
     ]
     if rows and of_audit:
         rows.append(("", "(episodes with such an action aren't judged)"))
-    return _section("Actions out of their space (of the policies)", rows, width)
+    return table_text("Actions out of their space (of the policies)", rows, width)
 
 
 def suspected_text(audit: Document, *, width: int) -> str:
@@ -163,7 +155,7 @@ def suspected_text(audit: Document, *, width: int) -> str:
         seen = f" At {first['where']}: {first['actual']}." if first else ""
         text = f"{broken_rule(each)}{seen} Not confirmed: {each['reason']}."
         rows.append((each["id"], _short(text)))
-    return _section("Suspected (failed, but not confirmed)", rows, width)
+    return table_text("Suspected (failed, but not confirmed)", rows, width)
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
@@ -238,9 +230,7 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
     """Waived checks with their reasons, and waivers that are no longer needed.
 
     Args:
-        audit: the document.
         known: ids of all checks.
-        width: columns that no line exceeds, as far as words allow.
     """
     rows = [
         (x["id"], f"{_short(broken_rule(x))} Waived: {_short(x['reason'])}")
@@ -249,7 +239,7 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
     rows += [(x["id"], _short(x["reason"])) for x in verdicts_of(audit, "passed") if x["reason"]]
     waivers = (audit.get("declared") or {}).get("waivers", {})
     rows += [(id, "a check with this id doesn't exist") for id in waivers if id not in known]
-    return _section("Waivers", rows, width)
+    return table_text("Waivers", rows, width)
 
 
 def not_exercised_text(audit: Document, *, width: int) -> str:
@@ -264,12 +254,11 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
             needs.setdefault(reason.removeprefix(f"{NO_CASE}: "), []).append(each["id"])
         elif not reason.startswith(RERUNS):
             reasons.setdefault(reason, []).append(each["id"])
-    parts = []
+    parts: list[str] = []
     for title, found in ((NEEDS, needs), (REASONS, reasons)):
         count = sum(map(len, found.values()))
         rows = [f"{', '.join(sorted(ids))}: {_short(text)}" for text, ids in found.items()]
-        lines = [line for x in rows for line in wrapped(x, width, first=INDENT, rest=INDENT * 2)]
-        parts += ["\n".join([title.format(count=count), *lines])] if rows else []
+        parts += filter(None, [items_text(title.format(count=count), rows, width)])
     if parts:
         parts[-1] += f"\n{INDENT}gamekeeper explain ID says what a check promises."
     if reruns:
@@ -285,7 +274,7 @@ def minor_text(audit: Document, *, width: int) -> str:
         if each["reason"].startswith(MINOR):
             by_reason.setdefault(_short(each["reason"].removeprefix(MINOR)), []).append(each["id"])
     rows = [(", ".join(ids), reason) for reason, ids in by_reason.items()]
-    return _section("Minor (not promised, not failed)", rows, width)
+    return table_text("Minor (not promised, not failed)", rows, width)
 
 
 def chances_text(audit: Document, *, width: int) -> str:
@@ -308,12 +297,7 @@ def errors_text(audit: Document, *, width: int) -> str:
         (each["id"], _short((each["reason"].strip().splitlines() or [""])[-1]))
         for each in verdicts_of(audit, "error")
     ]
-    return _section("Checks with an error", rows, width)
-
-
-def _section(title: str, rows: Sequence[Row], width: int) -> str:
-    """A heading and its rows; nothing where there are none."""
-    return "\n".join([title, *table_lines(rows, width=width)]) if rows else ""
+    return table_text("Checks with an error", rows, width)
 
 
 def audits_text(documents: Sequence[Document], *, width: int) -> Iterator[tuple[str, str, str]]:
@@ -321,7 +305,6 @@ def audits_text(documents: Sequence[Document], *, width: int) -> Iterator[tuple[
 
     Args:
         documents: documents of audits, or `environment`, `seed` and `error` of one that failed.
-        width: columns that no line exceeds, as far as words allow.
     """
     for environment in dict.fromkeys(each["environment"] for each in documents):
         theirs = [each for each in documents if each["environment"] == environment]
@@ -336,7 +319,7 @@ def audits_text(documents: Sequence[Document], *, width: int) -> Iterator[tuple[
         if failed:
             parts.append(f"{len(failed)} not audited" if audited else "not audited")
         manner = "bad" if failed_checks else "unsure" if failed or not audited else "good"
-        yield ", ".join(parts), manner, "\n".join(table_lines(rows, width=width) if rows else ())
+        yield ", ".join(parts), manner, "\n".join(table_lines(rows, width=width))
 
 
 def not_exercised_somewhere(documents: Sequence[Document], *, width: int) -> str:

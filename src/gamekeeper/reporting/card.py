@@ -46,7 +46,6 @@ class CardSection:
     """A part of a card; rows have as many cells as the widest of them, or fewer.
 
     Args:
-        title: its subject.
         rows: at least one.
         head: names of the columns, where they need one.
     """
@@ -81,21 +80,18 @@ def _cleaned(rows: Iterable[Row]) -> Iterator[Row]:
 
 def _agents(agents: tuple[AgentSpec, ...]) -> Iterator[Row]:
     """A row for each group of agents with the same role and spaces."""
-    for _, alike in groupby(agents, key=lambda spec: (spec.role, _observes(spec), _acts(spec))):
-        group = list(alike)
-        names = ", ".join(spec.name for spec in group)
-        if len(group) > 2:
-            names = f"{group[0].name} to {group[-1].name} ({len(group)})"
-        first = group[0]
-        yield names, first.role or "no role", _observes(first), _acts(first)
 
+    def cells(spec: AgentSpec) -> Row:
+        spaces = spec.observation_space, spec.action_space
+        return spec.role or "no role", *map(space_text, spaces)
 
-def _observes(spec: AgentSpec) -> str:
-    return space_text(spec.observation_space)
-
-
-def _acts(spec: AgentSpec) -> str:
-    return space_text(spec.action_space)
+    for shared, alike in groupby(agents, key=cells):
+        group = [spec.name for spec in alike]
+        are_few = len(group) < 3
+        yield (
+            ", ".join(group) if are_few else f"{group[0]} to {group[-1]} ({len(group)})",
+            *shared,
+        )
 
 
 def _role(name: str, role: Role) -> str:

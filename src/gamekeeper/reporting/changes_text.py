@@ -5,8 +5,8 @@ from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.measured_text import words
-from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.results_text import table_text
+from gamekeeper.reporting.text_columns import INDENT, block_text, indented, items_text, wrapped
 
 Change = Mapping[str, Any]
 
@@ -38,9 +38,8 @@ def changes_text(changes: Sequence[Change], *, width: int) -> str:
             rows = [(f"{_value(x['a'])} -> {_value(x['b'])}", x["where"]) for x in _worst(found)]
         if len(found) > MOST_ROWS:
             rows.append(("...", f"and {len(found) - MOST_ROWS} more"))
-        if rows:
-            blocks.append("\n".join([title, *table_lines(rows, width=width)]))
-    return "\n\n".join(blocks)
+        blocks.append(table_text(title, rows, width))
+    return "\n\n".join(filter(None, blocks))
 
 
 def _worst(changes: Sequence[Change]) -> list[Change]:
@@ -60,7 +59,6 @@ def _value(value: Any) -> str:
     return text if len(text) <= MOST_SIGNS else f"{text[:MOST_SIGNS]}..."
 
 
-INDENT: Final = "  "
 LONGEST: Final = 19
 """Characters of a value beside its pair: enough of a digest; the document has all of it."""
 HEAD: Final = ("", "recorded", "now")
@@ -71,7 +69,6 @@ def against_text(document: Mapping[str, Any], *, width: int) -> str:
 
     Args:
         document: as `Against.to_json` gives it.
-        width: columns that no line exceeds, as far as names allow.
     """
     rows: Sequence[Mapping[str, Any]] = document["rows"]
     by = {
@@ -81,17 +78,13 @@ def against_text(document: Mapping[str, Any], *, width: int) -> str:
     blocks = [_verdict(document, by, width)]
     for status, title in (("stale", "Stale"), ("unknown", "Unknown")):
         if by[status]:
-            table = table_lines([HEAD, *map(_cells, by[status])], width=width)
-            blocks.append("\n".join([title, *table]))
-    if by["holds"]:
-        names = ", ".join(one_line(row["what"]) for row in by["holds"])
-        blocks.append("\n".join(["Holds", *wrapped(names, width, first=INDENT, rest=INDENT)]))
+            blocks.append(table_text(title, [HEAD, *map(_cells, by[status])], width))
+    names = ", ".join(one_line(row["what"]) for row in by["holds"])
+    blocks.append(block_text("Holds", indented(names, width)))
     worst = by[document["status"]] if document["status"] != "holds" else []
     again = dict.fromkeys(row["again"] for row in worst if row["again"])
-    if again:
-        lines = [line for text in again for line in wrapped(text, width, first=INDENT, rest="    ")]
-        blocks.append("\n".join(["To be measured again", *lines]))
-    return "\n\n".join(blocks)
+    blocks.append(items_text("To be measured again", again, width))
+    return "\n\n".join(filter(None, blocks))
 
 
 def _verdict(document: Mapping[str, Any], by: Mapping[str, Sequence[Any]], width: int) -> str:

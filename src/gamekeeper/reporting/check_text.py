@@ -9,12 +9,11 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.results_text import table_lines, table_text
+from gamekeeper.reporting.text_columns import INDENT, indented, wrapped
 
 Card = Mapping[str, Any]
 
-INDENT: Final = "  "
 FENCE: Final = "```"
 APIS: Final = {"aec": "AEC environments", "parallel": "Parallel environments", None: "both APIs"}
 FAMILIES: Final = {
@@ -44,7 +43,6 @@ def check_text(check: Card, *, width: int) -> str:
     """A check explained on a terminal.
 
     Args:
-        check: as plain data.
         width: columns that no line of prose exceeds.
     """
     lines = wrapped(f"{check['id']}  {check['claim']}", width, rest=" " * 7)
@@ -54,7 +52,7 @@ def check_text(check: Card, *, width: int) -> str:
         elif kind == "heading":
             lines += ["", f"{INDENT}{text}"]
         else:
-            lines += ["", *wrapped(text, width, first=INDENT, rest=INDENT)]
+            lines += ["", *indented(text, width)]
     rows = [("fix", check["fix"]), ("severity", SEVERITIES[check["severity"]])]
     if check["confidence"] < 1:
         rows.append(("confidence", f"{check['confidence']:g}"))
@@ -73,7 +71,7 @@ def checks_text(checks: Iterable[Card], *, width: int) -> str:
     for family, members in by_family(checks).items():
         rows = [(each["id"], each["severity"], each["claim"]) for each in members]
         title = family[0].upper() + family[1:]
-        blocks.append("\n".join([title, *table_lines(rows, width=width)]))
+        blocks.append(table_text(title, rows, width))
     return "\n\n".join(blocks)
 
 

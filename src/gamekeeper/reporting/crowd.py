@@ -42,7 +42,6 @@ def crowd_rows(
     Args:
         rows: of each agent: its name, then its columns.
         values: of the first column.
-        number: formats one of them.
     """
     shown, others = split(values)
     found: list[Sequence[str]] = [rows[place] for place in shown]

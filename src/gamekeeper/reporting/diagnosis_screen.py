@@ -47,7 +47,6 @@ def diagnosis_screen(
     """The answer in a few rows, and the lines to paste next.
 
     Args:
-        document: a diagnosis as plain data.
         width: columns that no line exceeds, but for a command.
         options: of the command that gave it, by their names; the lines to paste keep them.
     """

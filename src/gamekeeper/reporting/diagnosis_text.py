@@ -4,11 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
-from gamekeeper.reporting.differences_text import differences_text
+from gamekeeper.reporting.differences_text import differences_text, effect_text
 from gamekeeper.reporting.results_text import few
-from gamekeeper.reporting.text_columns import column_lines, item_lines, wrapped
+from gamekeeper.reporting.text_columns import INDENT, column_lines, item_lines, items_text, wrapped
 
-INDENT: Final = "  "
 TEAM: Final = "team"
 EACH: Final = "agent"
 """Scope of a condition that stands for each agent by itself."""
@@ -17,34 +16,22 @@ FIELDS: Final = {"obs": "observation"}
 
 
 def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
-    """The answer for the team first; what holds for all agents is said once.
-
-    Args:
-        document: a diagnosis as plain data.
-        width: columns that no line exceeds.
-    """
-    differences = document.get("differences")
-    if differences is not None:
-        blocks = [
-            *contradiction_lines(document, width),
-            head_line(document, width),
-            differences_text(document, width=width),
+    """The answer for the team first; what holds for all agents is said once."""
+    blocks = [*contradiction_lines(document, width), head_line(document, width)]
+    if document.get("differences") is not None:
+        blocks.append(differences_text(document, width=width))
+        blocks += [_agents(document, width), _not_played(document, width)]
+    else:
+        blocks += [
+            *_scopes(document, width),
             _agents(document, width),
+            _responses(document, width),
+            _perturbations(document, width),
+            _not_tested(document, width),
             _not_played(document, width),
+            _counterfactuals(document["counterfactuals"], width),
         ]
-        return "\n\n".join(block for block in blocks if block)
-    blocks = [
-        *contradiction_lines(document, width),
-        head_line(document, width),
-        *_scopes(document, width),
-        _agents(document, width),
-        _responses(document, width),
-        _perturbations(document, width),
-        _not_tested(document, width),
-        _not_played(document, width),
-        _counterfactuals(document["counterfactuals"], width),
-    ]
-    return "\n\n".join(block for block in blocks if block)
+    return "\n\n".join(filter(None, blocks))
 
 
 def contradiction_lines(document: Mapping[str, Any], width: int) -> Iterator[str]:
@@ -172,7 +159,7 @@ def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str
             "tried: Holm)."
         )
     yield from item_lines(text, width)
-    rows = [[each["intervention"], _effect(each), _ideal_word(each)] for each in ideals]
+    rows = [[each["intervention"], effect_text(each), _ideal_word(each)] for each in ideals]
     yield from _rows(rows, width)
 
 
@@ -190,10 +177,8 @@ def _kinds(tested: Sequence[Mapping[str, Any]]) -> str:
 def _responses(document: Mapping[str, Any], width: int) -> str:
     """The response tests, in sentences."""
     rows = document.get("responses") or {}
-    lines = [
-        line for name, each in rows.items() for line in item_lines(f"{name}: {each['text']}", width)
-    ]
-    return "\n".join(["Response tests", *lines]) if lines else ""
+    texts = (f"{name}: {each['text']}" for name, each in rows.items())
+    return items_text("Response tests", texts, width)
 
 
 def _ideal_word(tested: Mapping[str, Any]) -> str:
@@ -214,7 +199,9 @@ def _perturbations(document: Mapping[str, Any], width: int) -> str:
     )
     lines = wrapped(text, width, rest=INDENT)
     shown = [each for each in played if each.get("depends")]
-    lines += _rows([[e["intervention"], _effect(e), _perturbation_word(e)] for e in shown], width)
+    lines += _rows(
+        [[e["intervention"], effect_text(e), _perturbation_word(e)] for e in shown], width
+    )
     if len(played) > len(shown):
         rest = (
             f"{len(played) - len(shown)} {'others' if shown else 'played'}: no change beyond chance"
@@ -227,10 +214,6 @@ def _perturbation_word(tested: Mapping[str, Any]) -> str:
     word = "higher" if tested["effect"] > 0 else "lower"
     at = tested.get("flips_at")
     return word if at is None else f"{word}; most episodes fail from strength {at:g}"
-
-
-def _effect(tested: Mapping[str, Any]) -> str:
-    return f"{tested['effect']:+.2f} ({tested['low']:+.2f} to {tested['high']:+.2f})"
 
 
 def _rows(rows: list[list[str]], width: int) -> Iterator[str]:
@@ -261,12 +244,8 @@ def _agents(document: Mapping[str, Any], width: int) -> str:
         text = f"as for {scope}" if is_same else answer_sentence(found)
         text = text[:1].lower() + text[1:]
         groups.setdefault(text, []).append(name)
-    lines = [
-        line
-        for text, names in groups.items()
-        for line in item_lines(f"{', '.join(names)}: {text}.", width)
-    ]
-    return "\n".join(["Agents", *lines]) if lines else ""
+    texts = (f"{', '.join(names)}: {text}." for text, names in groups.items())
+    return items_text("Agents", texts, width)
 
 
 def _not_tested(document: Mapping[str, Any], width: int) -> str:
@@ -281,21 +260,13 @@ def _not_tested(document: Mapping[str, Any], width: int) -> str:
         is_all = TEAM in names or len(names) == count
         whom = "" if is_all else f" for {few(names)}"
         groups.setdefault((why, whom), []).append(label)
-    lines = [
-        line
-        for (why, whom), labels in groups.items()
-        for line in item_lines(f"{', '.join(labels)}{whom}: {why}", width)
-    ]
-    return "\n".join(["Causes that weren't tested", *lines]) if lines else ""
+    texts = (f"{', '.join(labels)}{whom}: {why}" for (why, whom), labels in groups.items())
+    return items_text("Causes that weren't tested", texts, width)
 
 
 def _not_played(document: Mapping[str, Any], width: int) -> str:
-    rows = document["not_played"]
-    if not rows:
-        return ""
     title = f"Not played ({limit_words(document)}; --episodes, --budget)"
-    lines = [line for each in rows for line in item_lines(each, width)]
-    return "\n".join([*wrapped(title, width, rest=INDENT), *lines])
+    return items_text("\n".join(wrapped(title, width, rest=INDENT)), document["not_played"], width)
 
 
 def _counterfactuals(rows: Sequence[Mapping[str, Any]], width: int) -> str:

@@ -5,10 +5,9 @@ from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.text_columns import INDENT, item_lines, wrapped
 from gamekeeper.statistics.significance import p_text
 
-INDENT: Final = "  "
 LONGEST: Final = 28
 """Characters of a value in the table; the document has all of it."""
 HEAD: Final = ("difference", "bad", "good", "alone closes")
@@ -19,15 +18,14 @@ def differences_text(document: Mapping[str, Any], *, width: int) -> str:
 
     Args:
         document: a diagnosis as plain data, with `differences`.
-        width: columns that no line exceeds, as far as names allow.
     """
     found = document["differences"]
     lines = wrapped(f"{found['why']}.", width, first="Answer  ", rest=INDENT)
     for each in found["tested"]:
         if each["restores"]:
-            text = f"{each['intervention']}: {_effect(each)}, {p_text(each['p'])}"
-            lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
-    lines += wrapped(_gap(found), width, first=INDENT, rest=INDENT * 2)
+            text = f"{each['intervention']}: {effect_text(each)}, {p_text(each['p'])}"
+            lines += item_lines(text, width)
+    lines += item_lines(_gap(found), width)
     blocks = ["\n".join(lines)]
     if found["listed"]:
         rows = [HEAD, *(_row(each, found["least"]) for each in found["listed"])]
@@ -52,7 +50,8 @@ def _gap(found: Mapping[str, Any]) -> str:
     )
 
 
-def _effect(each: Mapping[str, Any]) -> str:
+def effect_text(each: Mapping[str, Any]) -> str:
+    """Formats `+0.52 (+0.31 to +0.73)`."""
     return f"{each['effect']:+.2f} ({each['low']:+.2f} to {each['high']:+.2f})"
 
 

@@ -6,11 +6,17 @@ from typing import Any, Final
 
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.reporting.crowd import MOST_ROWS, crowd_rows
-from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import MINUS, columns_of, item_lines, wrapped
+from gamekeeper.reporting.results_text import table_lines, table_text
+from gamekeeper.reporting.text_columns import (
+    INDENT,
+    MINUS,
+    columns_of,
+    item_lines,
+    items_text,
+    wrapped,
+)
 from gamekeeper.statistics.interval import rounded
 
-INDENT: Final = "  "
 MOST_COMPARED: Final = 8
 """Most agents of whom a comparison is shown; the document has more."""
 MOST_POLICIES: Final = 5
@@ -54,10 +60,10 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
 
     Args:
         document: an evaluation as plain data.
-        width: columns that no line exceeds, as far as names allow.
     """
     blocks = ["\n".join(_head(document, width))]
-    blocks += [*_items("Supported claims", document["claims"], width)]
+    claims = items_text("Supported claims", document["claims"], width)
+    blocks += [claims] if claims else []
     for name in document["environments"]:
         rows = [row for row in document["results"] if row["environment"] == name]
         blocks += [
@@ -82,28 +88,22 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
     tables = blocks[1 + bool(document["claims"]) :]
     heads = "\n".join(line for block in tables for line in block.splitlines())
     columns = [(word, text) for word, text in COLUMNS.items() if _has_word(heads, word)]
-    if columns:
-        blocks.append("\n".join(["Columns", *table_lines(columns, width=width)]))
-    blocks += [*_items("Notes", document.get("notes") or (), width)]
-    if document["refused"]:
-        blocks.append("\n".join(["Refused claims", *_refused(document["refused"], width)]))
-    return "\n\n".join(blocks)
+    blocks += [
+        table_text("Columns", columns, width),
+        items_text("Notes", document.get("notes") or (), width),
+        items_text("Refused claims", _refused(document["refused"]), width),
+    ]
+    return "\n\n".join(filter(None, blocks))
 
 
-def _items(title: str, texts: Sequence[str], width: int) -> Iterator[str]:
-    """A heading and its sentences; nothing without any."""
-    if texts:
-        yield "\n".join([title, *(line for t in texts for line in item_lines(t, width))])
-
-
-def _refused(rows: Sequence[Row], width: int) -> Iterator[str]:
-    """Lines of refused claims, a reason each, with the first claim that it is the reason of."""
+def _refused(rows: Sequence[Row]) -> Iterator[str]:
+    """Refused claims, a reason each, with the first claim that it is the reason of."""
     by_reason: dict[str, list[str]] = {}
     for row in rows:
         by_reason.setdefault(row["why"], []).append(row["what"])
     for why, what in by_reason.items():
         more = f"; likewise {len(what) - 1} more" if len(what) > 1 else ""
-        yield from item_lines(f"{what[0]}{more}: {why}", width)
+        yield f"{what[0]}{more}: {why}"
 
 
 def _has_word(text: str, word: str) -> bool:
@@ -176,7 +176,7 @@ def _runs(rows: Sequence[Row], width: int) -> Iterator[str]:
         ]
         more = f" and {len(means) - MOST_RUNS} more" if len(means) > MOST_RUNS else ""
         text = f"runs of {key[0]}, {key[2]}: {', '.join(means[:MOST_RUNS])}{more}"
-        yield from wrapped(text, width, first=INDENT, rest=INDENT * 2)
+        yield from item_lines(text, width)
 
 
 def _counted(rows: Sequence[Row]) -> str:

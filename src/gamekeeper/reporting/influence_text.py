@@ -4,9 +4,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.text_columns import INDENT, indented, wrapped
 
-INDENT: Final = "  "
 MOST_ROWS: Final = 12
 """Rows that are shown; the JSON document has all of them."""
 TITLE: Final = (
@@ -34,7 +33,6 @@ def influence_text(
 
     Args:
         influence: rows with `from`, `to`, `on`, `lag`, `p`, `low`, `high`, `n`.
-        width: columns that no line exceeds, as far as names allow.
         lag: unit of the lags, a key of `UNITS`.
         least: lower end of the interval from which on an influence is shown, exclusive.
     """
@@ -54,12 +52,7 @@ def influence_text(
     lines = [*wrapped(TITLE, width, rest=INDENT), *table_lines(rows, width=max(width, 80))]
     if len(shown) > MOST_ROWS:
         lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
-    return "\n".join(
-        [
-            *lines,
-            *wrapped(LEGEND.format(lag=lag, unit=UNITS[lag]), width, first=INDENT, rest=INDENT),
-        ]
-    )
+    return "\n".join([*lines, *indented(LEGEND.format(lag=lag, unit=UNITS[lag]), width)])
 
 
 def _certainty(row: Mapping[str, Any]) -> tuple[float, float]:

@@ -8,12 +8,11 @@ from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.crowd import crowd_rows
 from gamekeeper.reporting.influence_text import influence_text, lag_unit
 from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import column_lines, wrapped
+from gamekeeper.reporting.text_columns import column_lines, indented
 from gamekeeper.statistics.significance import p_text
 
 Document = Mapping[str, Any]
 
-INDENT: Final = "  "
 APART: Final = (
     *("influence", "looked_ahead", "advice", "because", "why", "errors", "not_measured"),
     *("order_ticks", "near_limits"),
@@ -82,7 +81,6 @@ def measured_text(audit: Document, *, width: int) -> str:
 
     Args:
         audit: the audit's document.
-        width: columns that no line exceeds, as far as names allow.
     """
     measured, declared = audit["measured"], audit.get("declared") or {}
     rows, missing = [], []
@@ -103,20 +101,20 @@ def measured_text(audit: Document, *, width: int) -> str:
         lines = list(column_lines(table, width=width))
         legends = {"stages": SCHEDULE, "symmetric": SYMMETRIC}
         for legend in [TICK, *(text for key, text in legends.items() if measured.get(key))]:
-            lines += wrapped(legend, width, first=INDENT, rest=INDENT)
+            lines += indented(legend, width)
         parts.append("\n".join([BESIDE_DECLARED if are_any else ALONE, *lines]))
     parts.append(agents_text(measured, width=width))
     lag = lag_unit(str(audit.get("api")))
     influence = influence_text(measured.get("influence") or (), width=width, lag=lag)
     if influence and measured.get("looked_ahead"):
         text = f"Searched: 0 to {measured['looked_ahead']} {lag} later."
-        influence = "\n".join([influence, *wrapped(text, width, first=INDENT, rest=INDENT)])
+        influence = "\n".join([influence, *indented(text, width)])
     parts.append(influence)
     parts.append(_errors_text(measured.get("errors") or (), width=width))
     if measured.get("advice"):
         api = FITS.get(measured["advice"], measured["advice"])
         why = one_line(f"{api}: {measured.get('why', '')}".removesuffix(": "))
-        parts.append("\n".join([ADVICE, *wrapped(why, width, first=INDENT, rest=INDENT)]))
+        parts.append("\n".join([ADVICE, *indented(why, width)]))
     return "\n\n".join(filter(None, parts))
 
 
@@ -131,7 +129,7 @@ def _errors_text(errors: Sequence[Document], *, width: int) -> str:
     lines = [ERRORS] if errors else []
     for each in errors:
         text = f"{each['during']}, in {each['episodes']} episodes: {one_line(each['error'])}"
-        lines += wrapped(text, width, first=INDENT, rest=INDENT)
+        lines += indented(text, width)
     return "\n".join(lines)
 
 

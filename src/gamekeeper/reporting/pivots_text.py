@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.reporting.text_columns import sparkline, wrapped
+from gamekeeper.reporting.text_columns import INDENT, sparkline, wrapped
 from gamekeeper.statistics.significance import p_text
 
-INDENT: Final = "  "
 MOST_COLUMNS: Final = 48
 """Characters of a curve."""
 SOURCES: Final = {
@@ -36,7 +35,6 @@ def pivots_text(document: Mapping[str, Any], *, width: int, has_blocks: bool = T
 
     Args:
         document: as `Pivots.to_json` gives it.
-        width: columns that no line exceeds, as far as names allow.
         has_blocks: the terminal can show block characters; otherwise ASCII is used.
     """
     count = document["failed"]

@@ -4,10 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
-from gamekeeper.reporting.text_columns import columns_of, filled, fitted, wrapped
+from gamekeeper.reporting.text_columns import (
+    GAP,
+    INDENT,
+    columns_of,
+    filled,
+    fitted,
+    indented,
+    wrapped,
+)
 
-GAP: Final = "  "
-INDENT: Final = "  "
 NARROWEST: Final = 8
 """Least columns of a text that is cut; below, rows become blocks."""
 LONGEST: Final = 200
@@ -20,9 +26,7 @@ def query_text(
     """The rows as a table with a heading; where they don't fit side by side, block by block.
 
     Args:
-        columns: their names.
         rows: a value for each column.
-        width: columns that no line exceeds, as far as names allow.
         more: there are more rows than these.
     """
     if not rows:
@@ -38,7 +42,7 @@ def views_text(views: Mapping[str, Mapping[str, str]], *, width: int) -> str:
     lines = []
     for name, columns in views.items():
         text = ", ".join(f"{column} {type_}" for column, type_ in columns.items())
-        lines += [name, *wrapped(one_line(text), width, first=INDENT, rest=INDENT)]
+        lines += [name, *indented(one_line(text), width)]
     return "\n".join(lines)
 
 

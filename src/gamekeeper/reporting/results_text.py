@@ -14,7 +14,16 @@ from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.reporting.card import card_text
 from gamekeeper.reporting.crowd import CROWD_LEGEND, crowd_rows
-from gamekeeper.reporting.text_columns import columns_of, filled, one_cell, wrapped
+from gamekeeper.reporting.text_columns import (
+    GAP,
+    INDENT,
+    block_text,
+    columns_of,
+    filled,
+    indented,
+    one_cell,
+    wrapped,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,8 +34,6 @@ if TYPE_CHECKING:
     from gamekeeper.episodes.evidence import Evidence
     from gamekeeper.episodes.summary import Summary
 
-INDENT: Final = "  "
-GAP: Final = "  "
 NUMBERS: Final = range(1, 5)
 """Columns of a summary that hold numbers."""
 BRIEF: Final = ("Agents", "Rewards", "Endings")
@@ -62,9 +69,6 @@ def summary_text(summary: Summary, *, width: int) -> str:
 
     Of a crowd those whose return is furthest from the median come first, the others in one row.
 
-    Args:
-        summary: of a run.
-        width: columns that no line exceeds, as far as names allow.
     """
     head, *rows = summary.rows()
     if not rows:
@@ -76,14 +80,13 @@ def summary_text(summary: Summary, *, width: int) -> str:
     legend = "; ".join(
         [SUMMARY_LEGEND, *blank, *([CROWD_LEGEND] if len(shown) < len(rows) else [])]
     )
-    return "\n".join([*lines, *wrapped(legend, width, first=INDENT, rest=INDENT)])
+    return "\n".join([*lines, *indented(legend, width)])
 
 
 def counted(summary: Summary, *, api: str) -> str:
     """Formats `20 episodes, 269 ticks, 538 actions`.
 
     Args:
-        summary: of a run.
         api: "aec", whose env steps are turns of one agent; or "parallel": ticks of all agents.
     """
     parts = (
@@ -158,7 +161,7 @@ def divergence_text(
     place, field = divergence.place_text, divergence.field_text
     lines = [one_line(f"{place}: {field}" if place else field)]
     if divergence.begun_text:
-        lines += wrapped(divergence.begun_text, width, first=INDENT, rest=INDENT)
+        lines += indented(divergence.begun_text, width)
     if divergence.are_digests:
         return "\n".join([*lines, f"{INDENT}the digests differ"])
     rows = list(zip(sides, _values(divergence), strict=True))
@@ -184,9 +187,7 @@ def change_text(divergence: Divergence) -> str:
 
 def cause_text(cause: str | None, *, width: int) -> str:
     """The cause of a divergence; empty where it isn't known."""
-    if not cause:
-        return ""
-    return "\n".join(["Cause", *wrapped(one_line(cause), width, first=INDENT, rest=INDENT)])
+    return block_text("Cause", indented(one_line(cause or ""), width))
 
 
 def versions_text(versions: Mapping[str, Sequence[str | None]], *, width: int) -> str:
@@ -195,9 +196,12 @@ def versions_text(versions: Mapping[str, Sequence[str | None]], *, width: int) -
         (name, f"{then or 'none'} when recorded, {now or 'none'} now")
         for name, (then, now) in versions.items()
     ]
-    if not rows:
-        return ""
-    return "\n".join(["Versions that differ", *table_lines(rows, width=width)])
+    return table_text("Versions that differ", rows, width)
+
+
+def table_text(title: str, rows: Sequence[Sequence[str]], width: int) -> str:
+    """A heading and its rows; empty where there are none."""
+    return block_text(title, table_lines(rows, width=width))
 
 
 def table_lines(
@@ -327,7 +331,6 @@ def labels_text(rows: Sequence[Mapping[str, Any]], *, width: int) -> str:
 
     Args:
         rows: labels as plain data.
-        width: columns that no line exceeds.
     """
     if not rows:
         return "No labels. One is added with: gamekeeper label RUN LABEL [--episode N] [--agent A]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,6 +24,8 @@ DOUBLE: Final = frozenset("WF")
 """East Asian widths of characters of two columns. Source: Unicode Standard Annex 11."""
 COMBINING: Final = frozenset({"Mn", "Me", "Cf"})
 """Categories of characters that take no column of their own."""
+INDENT: Final = "  "
+GAP: Final = "  "
 ELLIPSIS: Final = "..."
 MINUS: Final = "\N{MINUS SIGN}"
 """Sign between two policies whose figures are subtracted."""
@@ -68,8 +70,6 @@ def wrapped(text: str, columns: int, *, first: str = "", rest: str = "") -> list
     Args:
         text: spaces in a row count as one break.
         columns: width of a line, its indent included.
-        first: indent of the first line.
-        rest: indent of the others.
     """
     # textwrap counts characters, so a wide one is written as two while it does.
     stretched = "".join(sign + _STUFFING * (_columns_of_sign(sign) - 1) for sign in text)
@@ -94,12 +94,27 @@ def item_lines(text: str, columns: int) -> list[str]:
     return wrapped(text, columns, first=INDENT, rest=INDENT * 2)
 
 
+def indented(text: str, columns: int) -> list[str]:
+    """A text all of whose lines are indented alike."""
+    return wrapped(text, columns, first=INDENT, rest=INDENT)
+
+
+def block_text(title: str, lines: Iterable[str]) -> str:
+    """A heading and the lines below it; empty where there are none."""
+    below = list(lines)
+    return "\n".join([title, *below]) if below else ""
+
+
+def items_text(title: str, texts: Iterable[str], columns: int) -> str:
+    """A heading and an item for each text below it; empty where there are none."""
+    return block_text(title, (line for text in texts for line in item_lines(text, columns)))
+
+
 def column_lines(rows: Sequence[Sequence[str]], *, width: int) -> Iterator[str]:
     """Rows in aligned, indented columns; a cell too wide for its column is broken.
 
     Args:
         rows: equally many cells in each.
-        width: columns that no line exceeds.
     """
     natural = [max(map(columns_of, column)) for column in zip(*rows, strict=True)]
     widths = fitted(natural, width - len(INDENT) - len(GAP) * (len(natural) - 1))
@@ -141,8 +156,6 @@ ASCII: Final = "_.-:=+*#"
 ABSENT: Final = " "
 NONCONFORMING: Final = "?"
 """Mark of a value that isn't finite (NaN, infinity)."""
-INDENT: Final = "  "
-GAP: Final = "  "
 NARROWEST: Final = 8
 """Least characters of a sparkline; long names push it over the edge of the terminal."""
 
@@ -197,7 +210,6 @@ def returns_text(
 
     Args:
         returns: by agent, a value for each episode; None where it didn't take part.
-        width: columns that no line exceeds, as far as names allow.
         has_blocks: the terminal can show block characters; otherwise ASCII is used.
     """
     episodes = max((len(values) for values in returns.values()), default=0)

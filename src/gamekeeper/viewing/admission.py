@@ -137,7 +137,6 @@ class Admission:
     """The rules of one server.
 
     Args:
-        port: on which it listens.
         token: the secret of its address.
         takes_orders: POST is answered, too, to pages of its own.
     """

@@ -60,7 +60,6 @@ def player(
 
     Args:
         evidence: of a run, or the run's folder.
-        episode: its number.
         height: of the frame in a notebook, in pixels.
     Raises:
         EvidenceError: there is no such episode.

@@ -60,7 +60,6 @@ def opened(
 
     Args:
         path: the folder of the run.
-        key: its letter on the page.
         name: its name on the page; None: the folder's name.
         condition: under which an episode of the team failed, in place of the contract's.
         load: reads the evidence of a folder.

@@ -215,9 +215,6 @@ class VideoFile:
 
     Attributes:
         run: the folder of the run.
-        episode: its number.
-        paths: the files.
-        frames: number of frames.
         fps: frames per second.
         size: width and height in pixels.
         source: `recorded`, or `rendered` by a replay.

@@ -65,7 +65,6 @@ def rendered(
 
     Args:
         run: the folder of the run.
-        episode: its number.
         out: an empty folder for the frames.
         env: name of the environment; None: the recorded one.
         silence_s: longest time without a turn, in seconds.

@@ -43,8 +43,6 @@ PAGES: Final[Mapping[str, Callable[[Sequence[Edition], Any], Response]]] = {
 class ServedRuns:
     """Some runs, each under a letter.
 
-    Args:
-        runs: their folders.
     Raises:
         RunError: one of them isn't a run, or is damaged.
         GamekeeperError: there are more runs than letters.

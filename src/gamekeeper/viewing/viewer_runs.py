@@ -33,7 +33,6 @@ class Edition:
 
     Attributes:
         shown: the run and its figures.
-        pictures: its recorded frames.
         entries: by episode, its entry in the index.
         since: by episode, the edition in which its entry last changed.
         number: of this edition; they count up.
@@ -64,8 +63,6 @@ class ServedRun:
         """Reads the run.
 
         Args:
-            key: its letter on the page.
-            path: its folder.
             name: on the page; None: the folder's.
         Raises:
             RunError: the folder isn't a run, or is damaged.

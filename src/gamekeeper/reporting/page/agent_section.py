@@ -7,7 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from gamekeeper.episodes.summary import Summary
 from gamekeeper.errors import EvidenceError
@@ -17,6 +16,7 @@ from gamekeeper.reporting.page.packed_episode import PackedAgent
 from gamekeeper.reporting.page.page_data import (
     Cell,
     Chart,
+    FloatArray,
     PageBlock,
     PageTable,
     badge,
@@ -28,13 +28,12 @@ from gamekeeper.reporting.page.page_data import (
     name,
     number,
     percent,
+    quantile_of,
     shown,
 )
 from gamekeeper.reporting.results_text import last_line
 from gamekeeper.statistics.interval import FEWEST_EPISODES
 from gamekeeper.statistics.one_sample import one_sample
-
-FloatArray = NDArray[np.float64]
 
 FEWEST: Final = FEWEST_EPISODES["mean"]
 """Episodes from which an interval is shown."""
@@ -52,7 +51,6 @@ class Mean:
     Attributes:
         value: the mean; None where there is no episode.
         low, high: its 95 % interval; None where there are too few episodes for one.
-        n: number of episodes.
     """
 
     value: float | None
@@ -106,15 +104,10 @@ def agents_blocks(
     """The blocks of one run.
 
     Args:
-        figures: of the run.
         summary: shares, idle parts and endings.
-        roster: names and roles.
-        key: the run's letter.
-        labels: failure labels as plain data.
         attribution: the document of `gamekeeper attribute`, which alone tells lazy agents.
         failed: True for each episode that failed; None where it isn't known.
         condition: condition of a failed episode, in words.
-        rng: draws resamples.
     """
     means = means_of(figures, rng)
     table = _main_table(figures, summary, means, roster, labels, attribution)
@@ -157,13 +150,13 @@ def _main_table(
                 number(mean.n),
                 number(mean.value),
                 bounds(mean.low, mean.high),
-                number(_quantile(values, 0.0)),
-                number(_quantile(values, 0.5)),
-                number(_quantile(values, 1.0)),
+                number(quantile_of(values, 0.0)),
+                number(quantile_of(values, 0.5)),
+                number(quantile_of(values, 1.0)),
                 number(None if own is None else own.length_mean),
                 percent(None if own is None else own.share),
                 percent(None if own is None else own.idle),
-                Cell("" if own is None else _counts(own.endings)),
+                Cell(", ".join(f"{why} {n}" for why, n in own.endings.items()) if own else ""),
                 Cell(", ".join(label for labelled, label in given if labelled == agent)),
                 _lazy(agent, attribution),
             )
@@ -178,15 +171,6 @@ def _main_table(
         tuple(columns[k] for k in kept),
         tuple(tuple(row[k] for k in kept) for row in rows),
     )
-
-
-def _quantile(values: FloatArray, part: float) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(np.quantile(finite, part)) if len(finite) else None
-
-
-def _counts(endings: Mapping[str, int]) -> str:
-    return ", ".join(f"{reason} {count}" for reason, count in endings.items())
 
 
 def _lazy(agent: str, attribution: Mapping[str, Any] | None) -> Cell:

@@ -50,12 +50,7 @@ DIGITS: Final = 12
 
 
 def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
-    """The answers that are known; what was not asked is left to `not_asked`.
-
-    Args:
-        run: the run that the page is about.
-        documents: about it.
-    """
+    """The answers that are known; what was not asked is left to `not_asked`."""
     found = (
         *_state(run),
         _outcome(run),
@@ -440,8 +435,6 @@ def not_asked(
     """One closed line for the documents that are missing, with the commands to copy.
 
     Args:
-        run: the run that the page is about.
-        documents: about it.
         env: the environment as commands name it, quoted; `ENV` where it can't be named.
         plays_on: the page itself plays on.
     """

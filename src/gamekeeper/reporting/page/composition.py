@@ -34,15 +34,10 @@ class ShownRun:
     """A run that stands on a page.
 
     Attributes:
-        key: its letter.
         path: its folder, as it was named.
-        name: its name on the page.
-        evidence: its episodes.
         figures: of every episode and agent.
         failed: True for each episode that failed; None where it isn't known.
         condition: condition of a failed episode, in words.
-        roster: its agents.
-        labels: failure labels as plain data.
         asked: condition of the team that documents were asked for, in place of the contract's.
     """
 
@@ -95,11 +90,7 @@ def shown(
 
 @dataclass(frozen=True, slots=True)
 class Documents:
-    """JSON documents about a run, as the commands print them; None: not given.
-
-    Attributes:
-        audit, diagnosis, attribution, pivots, evaluation: the documents.
-    """
+    """JSON documents about a run, as the commands print them; None: not given."""
 
     audit: Document | None = None
     diagnosis: Document | None = None
@@ -115,9 +106,6 @@ def sections_of(
 
     Args:
         runs: at least one; counterfactuals aren't among them.
-        documents: about the first one.
-        version: of gamekeeper.
-        rng: draws the resamples of intervals.
     """
     main = runs[0]
     agents: list[PageBlock] = []
@@ -186,7 +174,6 @@ def alerts_of(runs: Sequence[ShownRun], *, answered: ShownRun | None = None) -> 
     """Alerts of runs that are open, damaged or have unfinished episodes.
 
     Args:
-        runs: all runs of the page.
         answered: the one whose state stands among the page's answers.
     """
     return tuple(
@@ -234,7 +221,6 @@ class Pair:
 
     Attributes:
         left, right: letter of the run and number of the episode.
-        text: their description.
         divergence: the first place where they differ; None: they are the same.
     """
 
@@ -261,9 +247,7 @@ def pairs_of(one: ShownRun, two: ShownRun, *, text: str, most: int) -> list[Pair
     """Episodes of two runs with the same number and seed, failing ones first.
 
     Args:
-        one, two: the runs.
         text: description of the second run.
-        most: most pairs that are returned.
     """
     others = {header["episode"]: header for header in two.figures.headers}
     alike = [

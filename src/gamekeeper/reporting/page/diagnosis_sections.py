@@ -303,7 +303,6 @@ def causes_section(
     Args:
         diagnosis: the document of `gamekeeper diagnose`.
         attribution: that of `gamekeeper attribute`.
-        key: the letter of the run.
     """
     blocks = [] if diagnosis is None else diagnosis_blocks(diagnosis, key=key)
     blocks += [] if attribution is None else attribution_blocks(attribution)

@@ -186,8 +186,6 @@ def failing(
     that ended with an exception failed.
 
     Args:
-        evidence: of the run.
-        figures: of its episodes.
         condition: of the team, in place of what the contract declares.
     """
     contract = evidence.contract

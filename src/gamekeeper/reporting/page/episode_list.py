@@ -47,8 +47,6 @@ def entries_of(
 
     Args:
         evidence: of the run, which may still be recording.
-        run: its letter.
-        labels: failure labels as plain data.
         figures: of the run, where they are known already.
         failed: by episode, where it is known already.
     """
@@ -155,13 +153,9 @@ def packed_of(
     """One episode as the player reads it, with its drawing and all its marks.
 
     Args:
-        evidence: of the run.
-        episode: its number.
-        run: the letter of the run.
         labels: failure labels of the run as plain data.
         marks: further ones, such as the first difference from another episode.
         roster: of the run, where it is known already.
-        frames: frames that were recorded.
         has_failed: True if it failed, where that is known already.
         condition: of the team, in place of what the contract declares.
         pivots: the document of `gamekeeper pivots`.
@@ -263,8 +257,6 @@ def order_of(
     other failing ones; then the rest, spread over the run.
 
     Args:
-        figures: of the run.
-        failing: by episode.
         named: numbers of episodes that were asked for.
         labelled: numbers of those with labels.
         diverging: numbers of those that differ from another run's.

@@ -48,7 +48,6 @@ class LearningPhase:
     """Consecutive episodes that were played by the same versions of all policies.
 
     Attributes:
-        run: letter of the run.
         first, last: episodes.
         profile: policy and version of each agent.
         returns: by agent, [episodes].
@@ -71,7 +70,6 @@ def learning_section(runs: Sequence[tuple[str, Figures]], rng: Generator) -> Pag
 
     Args:
         runs: letters and figures of runs of one environment.
-        rng: draws the resamples.
     """
     phases = phases_of(runs)
     if len(phases) < 2:

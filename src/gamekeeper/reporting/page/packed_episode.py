@@ -37,7 +37,6 @@ class PackedAgent:
     """An agent as a packed episode names it.
 
     Attributes:
-        name: the agent.
         role: declared, else its name without the number.
         noop: the declared noop; None where there is none.
         actions: names of its actions, by number; empty where none are declared.
@@ -54,10 +53,8 @@ class Mark:
     """A place in an episode that a reader may jump to.
 
     Attributes:
-        turn: the place.
         kind: `since` (the first difference that the answers name), `divergence`, `failure`,
             `pivot`, `label`, `error`, `ending` or `change`.
-        text: its description.
         agent: agent that it belongs to; None: all.
     """
 
@@ -90,7 +87,6 @@ def packed_episode(
     """One episode as the player reads it, in plain JSON.
 
     Args:
-        episode: the episode.
         roster: of its run; only those that have a row stand in the result.
         run: the letter of the run on the page.
         api: `aec` or `parallel`.

@@ -19,7 +19,6 @@ class Cell:
     """One cell of a table.
 
     Attributes:
-        text: its text.
         kind: a `name` keeps its own text direction.
         badge: the style of a badge: `passed`, `failed`, `high`, `warn`, ...
         link: a place in the player, `RUN/EPISODE/TURN`.
@@ -36,10 +35,7 @@ class PageTable:
     """A table with its caption.
 
     Attributes:
-        caption: its title.
-        columns: headings.
         rows: a cell for each column; the first one names the row.
-        note: explanation below the table.
     """
 
     caption: str
@@ -65,9 +61,6 @@ class PageBlock:
     """A part of a section: a heading, remarks, tables, charts and texts to copy.
 
     Attributes:
-        title: heading, or empty.
-        alerts: warnings.
-        notes: remarks.
         facts: names and values.
         charts: drawn in their order.
         tables: after the charts.
@@ -102,7 +95,6 @@ class Verdicts:
         bad: verdicts of failed checks, then of checks with an error, as the audit has them; with
             `cases` in words, and for each finding its `facts` and the `anchor` of its program.
         rest: those of others by outcome.
-        notes: remarks.
     """
 
     summary: tuple[Cell, ...] = ()
@@ -116,8 +108,6 @@ class PageSection:
     """A section of the page.
 
     Attributes:
-        id: its address.
-        title: its heading.
         blocks: its parts; empty ones aren't shown.
     """
 
@@ -138,7 +128,6 @@ class Answer:
 
     Attributes:
         question: one or two words.
-        text: the sentence.
         word: the answer in a word.
         badge: the style of this word.
         link: the address on the page of its turn, or of what backs it.
@@ -164,9 +153,6 @@ class RunCard:
         name: the name of its folder.
         status: `finalized`, `open`, `recovered`, `failed`.
         api: `aec` or `parallel`.
-        environment: its name.
-        episodes: number of episodes.
-        fingerprint: of the run.
         agents: names and roles in the order of the possible agents; an agent's place among those
             of all runs decides its colour.
     """
@@ -190,7 +176,6 @@ class Page:
     """Everything that stands on a page.
 
     Attributes:
-        title: its subject.
         lead: its subject in a sentence.
         answers: the first screen; beside it what was not asked, in one closed line.
         alerts: warnings at the top, such as a run that was killed.
@@ -293,11 +278,8 @@ def binned_line(
     """A line for each series; of many points, means of neighbours with their 5 to 95 % range.
 
     Args:
-        id: its address.
-        title: its heading.
         x: [points].
         series: by name, [points]; NaN where there is none.
-        note: explanation below it.
     """
     size = -(-len(x) // MOST_POINTS) if len(x) else 1
     starts = range(0, len(x), size)
@@ -306,8 +288,8 @@ def binned_line(
         parts = [values[start : start + size] for start in starts]
         line: dict[str, Any] = {"name": name, "values": [_mean(part) for part in parts]}
         if size > 1:
-            line["low"] = [_quantile(part, 0.05) for part in parts]
-            line["high"] = [_quantile(part, 0.95) for part in parts]
+            line["low"] = [finite(quantile_of(part, 0.05)) for part in parts]
+            line["high"] = [finite(quantile_of(part, 0.95)) for part in parts]
         lines.append(line)
     if size > 1:
         note = f"Means of {size} episodes each, with their 5 to 95 % range. {note}".strip()
@@ -360,9 +342,6 @@ def matrix(
     """Numbers by row and column, shaded.
 
     Args:
-        id: its address.
-        title: its heading.
-        rows, columns: their names.
         values: [rows, columns].
         labels: headings of rows and of columns.
         texts: shown in place of the numbers.
@@ -393,6 +372,7 @@ def _mean(values: FloatArray) -> float | None:
     return finite(known.mean()) if len(known) else None
 
 
-def _quantile(values: FloatArray, part: float) -> float | None:
+def quantile_of(values: FloatArray, part: float) -> float | None:
+    """A quantile of the values [n] that are finite; None where none is."""
     known = values[np.isfinite(values)]
-    return finite(np.quantile(known, part)) if len(known) else None
+    return float(np.quantile(known, part)) if len(known) else None

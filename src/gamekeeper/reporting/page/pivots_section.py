@@ -22,7 +22,6 @@ def pivots_section(document: Document | None, *, key: str) -> PageSection | None
 
     Args:
         document: of `gamekeeper pivots`.
-        key: the letter of the run.
     """
     episodes = (document or {}).get("episodes") or ()
     if not episodes:

@@ -45,7 +45,6 @@ class DrawnLeaf:
 
     Attributes:
         name: the agent, or `state`.
-        path: of the leaf.
         turns: [values] turn of each value.
         values: [values, ...].
     """
@@ -68,7 +67,6 @@ class DeclaredScene:
     Attributes:
         scene: of the contract, or of our file of other environments.
         agents: every agent in order, with its role.
-        arguments: of the environment.
     """
 
     scene: Scene
@@ -100,9 +98,7 @@ def drawn(
     """Makes the drawing of an episode, and names its source, or the reason why there is none.
 
     Args:
-        episode: the episode.
         agents: every agent of the run, in the order of `possible_agents`.
-        frames: recorded frames.
         infos: of every row as plain JSON, where they were read already.
         declared: the scene of the run.
     """

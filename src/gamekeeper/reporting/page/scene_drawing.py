@@ -70,7 +70,6 @@ class SceneSources:
         observations: by agent and path.
         infos: by agent, the turns and infos as plain JSON.
         agents: every agent of the run in order, with its role.
-        arguments: of the environment.
         over: the turn after the last action.
     """
 

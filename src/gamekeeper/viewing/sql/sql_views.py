@@ -39,7 +39,6 @@ class Piece:
     """Rows that one statement reads, with `run` as their first column.
 
     Attributes:
-        sql: the statement.
         columns: names and DuckDB's types.
     """
 
