@@ -130,13 +130,6 @@ def unread(size: int) -> int:
 class EmptyInfo(dict[str, Any]):
     """Info of every slot that hasn't ended: one for thousands of them, so it stays empty."""
 
-    def __setitem__(self, key: str, value: Any) -> None:
-        self.update({key: value})
-
-    def setdefault(self, key: str, default: Any = None) -> Any:
-        """Refused, as `update` is."""
-        return self.update({key: default})
-
     def update(self, *args: Any, **kwargs: Any) -> None:
         """Refused: what is written here would stand in the infos of all other slots too.
 
@@ -150,7 +143,7 @@ class EmptyInfo(dict[str, Any]):
             fix="put another dictionary in its place: infos[slot] = {...}",
         )
 
-    __ior__ = update  # type: ignore[assignment]  # refused too
+    __setitem__ = setdefault = __ior__ = update  # type: ignore[assignment]  # refused too
 
 
 NO_INFO: Final[dict[str, Any]] = EmptyInfo()
