@@ -354,8 +354,8 @@ def test_role_isnt_symmetric_where_its_first_agent_always_wins(order, refused):
 def test_contract_error_from_plain_data_names_the_key():
     """Without a text there are no lines, but the source and the key path are named."""
     with pytest.raises(ContractError) as caught:
-        Contract.from_json({"schedule": {"horizon": -1}}, source="manifest.json")
-    assert caught.value.where == "manifest.json, schedule.horizon"
+        Contract.from_json({"schedule": {"horizon": -1}})
+    assert caught.value.where == "<json>, schedule.horizon"
 
 
 @pytest.mark.parametrize("data", [None, [], "x", {1: 2}, {"roles": []}, {"name": None}])

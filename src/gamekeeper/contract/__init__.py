@@ -142,13 +142,13 @@ class Contract:
         return cls.parse(contract_text(path), source=fspath(path))
 
     @classmethod
-    def from_json(cls, data: object, *, source: str = "<json>") -> Contract:
+    def from_json(cls, data: object) -> Contract:
         """The contract that plain data declares, as `to_json` gave it.
 
         Raises:
             ContractError: it isn't a contract, or contradicts itself.
         """
-        return cls._of(data, SourceLines(source))
+        return cls._of(data, SourceLines("<json>"))
 
     @classmethod
     def _of(cls, data: object, places: SourceLines) -> Contract:

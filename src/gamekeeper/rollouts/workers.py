@@ -184,7 +184,6 @@ def run_task(
     memory_bytes: int | None = None,
     on_message: Callable[[dict[str, Any]], None] | None = None,
     hash_seed: int | None = None,
-    env: Mapping[str, str] | None = None,
     stop: threading.Event | None = None,
 ) -> TaskOutcome:
     """Runs a task in a fresh process and returns how it ended, whatever it does.
@@ -204,14 +203,13 @@ def run_task(
         on_message: called in this thread with the fields of each report; what it raises ends the
             task and comes out here.
         hash_seed: PYTHONHASHSEED, 0 to 4294967295; None: as this process's environment has it.
-        env: environment variables on top of this process's.
         stop: once set, interrupts as Ctrl-C does (Ctrl-C itself reaches only the main thread).
     Raises:
         GamekeeperError: no process can be started here.
         TypeError, ValueError: JSON can't carry the arguments, or `hash_seed` is out of range.
     """
     begun_s = time.monotonic()
-    environment = environment_of(hash_seed, env)
+    environment = environment_of(hash_seed)
     order = {"task": task, "arguments": dict(arguments), "memory_bytes": memory_bytes}
     with _interrupts(stop) as interrupts, WorkerProcess(order, environment) as worker:
         watch = WorkerWatch(worker, interrupts, silence_s, limit_s)
@@ -220,9 +218,7 @@ def run_task(
         return watch.outcome(code, memory_bytes, time.monotonic() - begun_s)
 
 
-def environment_of(
-    hash_seed: int | None = None, env: Mapping[str, str] | None = None
-) -> dict[str, str]:
+def environment_of(hash_seed: int | None = None) -> dict[str, str]:
     """The environment variables of a worker process.
 
     Raises:
@@ -236,7 +232,7 @@ def environment_of(
             expected="a POSIX system and the path of its Python",
             fix="run Gamekeeper with a Python of its own on Linux (on Windows: in WSL)",
         )
-    environment = {**os.environ, **(env or {})}
+    environment = dict(os.environ)
     if hash_seed is not None:
         if not 0 <= hash_seed <= 4294967295:
             raise ValueError(f"hash_seed is {hash_seed}; expected 0 to 4294967295")
