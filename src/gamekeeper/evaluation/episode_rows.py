@@ -99,11 +99,9 @@ def rows_of(
     """The rows of an episode.
 
     Args:
-        outcome: what it came to.
         label: environment, pairing and number of the episode.
         sides: by agent, role or `*`: policy and run.
         lengths: decisions by agent.
-        success: says whether it succeeded.
         contract: has the roles and the reward terms.
         roster: agents in the rows of an episode that an exception broke off in its reset.
         infos: fields of the last infos that are kept.

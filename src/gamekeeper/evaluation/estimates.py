@@ -106,14 +106,7 @@ class Judge:
         ]
 
     def refuse(self, what: str, why: str, subject: str = "", actual: str = "") -> None:
-        """Notes a refusal.
-
-        Args:
-            what: was asked for.
-            why: it is refused.
-            subject: it is about.
-            actual: what was there in place of what an interval asks for.
-        """
+        """Notes a refusal; `actual` was there in place of what an interval asks for."""
         seen = self._refused.setdefault((what, why), {}).setdefault(subject, {})
         if actual:
             seen.setdefault(actual)

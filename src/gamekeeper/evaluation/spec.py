@@ -20,7 +20,6 @@ class EnvironmentSpec:
 
     Attributes:
         spec: what opens it.
-        kwargs: arguments of the environment.
         options: of every reset.
         contract: in place of the one beside it; a path, or a contract.
         success: conditions by scope (`team`, a role, `agent`) under which an episode succeeded;
@@ -84,7 +83,6 @@ class CrossplaySpec:
     """Policies that meet partners they weren't trained with.
 
     Attributes:
-        enabled: whether they do.
         roles: the positions, by environment or under `*`: roles, agents, or `*` for all others.
         partners: names of the policies that others are paired with; empty: all of them.
         sample: of a method's runs, with how many each run is paired; None: with all.
@@ -121,11 +119,9 @@ class Spec:
 
     Attributes:
         suite: its id and version where it is one that others cite.
-        environments, policies: by name.
         seed: of the run; settles every episode's and every policy's draws.
         episodes: numbers 0 to episodes - 1, the same for everybody.
         compare: pairs of names; None: all pairs.
-        crossplay: partners and positions.
         stop: playing on until it is known well enough.
         infos: fields of the last infos that are metrics too.
         terms: reward terms that are metrics; None: all.

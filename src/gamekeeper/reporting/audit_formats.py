@@ -164,6 +164,8 @@ def _result(
     audit: Document, verdict: Document, finding: Document, number: int, place: str | None
 ) -> dict[str, Any]:
     name = f"{audit['environment']} ({audit['api']})"
+    # Without agent and turn: `rewards` of `rollout/7, turn 8, rewards['rover_1']`.
+    field = finding["where"].rpartition(", ")[2].partition("[")[0]
     result: dict[str, Any] = {
         "ruleId": verdict["id"],
         "ruleIndex": number,
@@ -172,7 +174,7 @@ def _result(
         "message": {"text": _message(verdict, finding)},
         "locations": [_location(audit, finding, place)],
         # The turn of a finding moves with every change of a rule; the field stays.
-        "partialFingerprints": {"check/v1": f"{verdict['id']}:{name}:{_field(finding['where'])}"},
+        "partialFingerprints": {"check/v1": f"{verdict['id']}:{name}:{field}"},
         "properties": {
             "environment": audit["environment"],
             "confidence": verdict["confidence"],
@@ -208,8 +210,3 @@ def _location(audit: Document, finding: Document, place: str | None) -> dict[str
     if finding["where"]:
         location["message"] = {"text": finding["where"]}
     return location
-
-
-def _field(where: str) -> str:
-    """The field without agent and turn: `rewards` of `rollout/7, turn 8, rewards['rover_1']`."""
-    return where.rpartition(", ")[2].partition("[")[0]

@@ -74,11 +74,8 @@ def _scopes(document: Mapping[str, Any], width: int) -> Iterator[str]:
     for scope in dict.fromkeys(each["scope"] for each in _answers(document).values()):
         groups.setdefault("\n".join(_scope(document, scope, width)), []).append(scope)
     for body, scopes in groups.items():
-        yield f"{_name(few(scopes))}\n{body}"
-
-
-def _name(scope: str) -> str:
-    return "Team" if scope == TEAM else scope
+        title = few(scopes)
+        yield f"{'Team' if title == TEAM else title}\n{body}"
 
 
 def _of_scope(document: Mapping[str, Any], scope: str) -> Mapping[str, Any]:

@@ -42,7 +42,8 @@ def influence_text(
         is_shown = row["from"] != row["to"] and row["p"] > 0 and row["low"] >= least
         if is_shown and (key not in best or row["lag"] < best[key]["lag"]):
             best[key] = row
-    shown = sorted(best.values(), key=_certainty, reverse=True)
+    # The share that is sure at least comes first: of few tries a high one is luck.
+    shown = sorted(best.values(), key=lambda row: (row["low"], row["p"]), reverse=True)
     if not shown:
         return ""
     rows = [("from", "to", "on", f"{lag} later", "changed", "n")]
@@ -53,8 +54,3 @@ def influence_text(
     if len(shown) > MOST_ROWS:
         lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
     return "\n".join([*lines, *indented(LEGEND.format(lag=lag, unit=UNITS[lag]), width)])
-
-
-def _certainty(row: Mapping[str, Any]) -> tuple[float, float]:
-    """The share that is sure at least: of few tries a high one is luck."""
-    return float(row["low"]), float(row["p"])

@@ -24,7 +24,6 @@ class Interval:
     """An estimate and the interval around it.
 
     Attributes:
-        high: upper bound.
         n: units it rests on: episodes of one checkpoint, or training runs of a method.
         method: how the interval was made, in words.
     """

@@ -24,8 +24,6 @@ class PairedEffect:
 
     Attributes:
         value: mean of changed - base.
-        low: lower bound of its interval.
-        high: upper bound.
         p: of the mean difference being 0, two-sided.
         n: pairs.
     """

@@ -85,7 +85,6 @@ def counterfactuals_of(
 
     Args:
         run: the folder of the run.
-        main: the run.
         diagnosis: its document, which names the runs.
     """
     recorded = (diagnosis or {}).get("runs")

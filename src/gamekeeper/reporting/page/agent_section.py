@@ -16,7 +16,6 @@ from gamekeeper.reporting.page.packed_episode import PackedAgent
 from gamekeeper.reporting.page.page_data import (
     Cell,
     Chart,
-    FloatArray,
     PageBlock,
     PageTable,
     badge,
@@ -32,7 +31,7 @@ from gamekeeper.reporting.page.page_data import (
     shown,
 )
 from gamekeeper.reporting.results_text import last_line
-from gamekeeper.statistics.interval import FEWEST_EPISODES
+from gamekeeper.statistics.interval import FEWEST_EPISODES, FloatArray
 from gamekeeper.statistics.one_sample import one_sample
 
 FEWEST: Final = FEWEST_EPISODES["mean"]

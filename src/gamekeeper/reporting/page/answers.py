@@ -15,11 +15,12 @@ from gamekeeper.reporting.diagnosis_screen import CAUSES
 from gamekeeper.reporting.diagnosis_text import acted_text, answer_sentence, restored_first
 from gamekeeper.reporting.page.audit_sections import failed_words
 from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
-from gamekeeper.reporting.page.page_data import Answer, FloatArray, PageBlock, shown
+from gamekeeper.reporting.page.page_data import Answer, PageBlock, shown
 from gamekeeper.reporting.page.page_html import env_words, quoted
 from gamekeeper.reporting.page.pivots_section import pivot_marks
 from gamekeeper.reporting.pivots_text import kept_by, no_pivot_text
 from gamekeeper.reporting.results_text import few, last_line
+from gamekeeper.statistics.interval import FloatArray
 
 if TYPE_CHECKING:
     from gamekeeper.reporting.page.composition import Documents, ShownRun

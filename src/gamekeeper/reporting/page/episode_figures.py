@@ -20,9 +20,9 @@ from gamekeeper.errors import ContractError, EvidenceError
 from gamekeeper.reporting.page.packed_values import fields_of_text
 from gamekeeper.reporting.page.page_data import Cell, PageBlock, PageTable, bounds, name, number
 from gamekeeper.reporting.text_columns import APART
+from gamekeeper.statistics.interval import FloatArray
 from gamekeeper.statistics.paired import FEWEST, paired_effect
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SPARK: Final = 24

@@ -13,7 +13,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from gamekeeper.reporting.crowd import MOST_ROWS as MOST_LINES
 from gamekeeper.reporting.page.agent_section import FEWEST, mean_of
@@ -32,8 +31,8 @@ from gamekeeper.reporting.page.page_data import (
     number,
 )
 from gamekeeper.reporting.results_text import few
+from gamekeeper.statistics.interval import FloatArray
 
-FloatArray = NDArray[np.float64]
 Profile = Mapping[str, str]
 """By agent, its policy and that policy's version."""
 
@@ -132,13 +131,10 @@ def _phase(
     return LearningPhase(key, first, end, profile, returns, changed)
 
 
-def _agents(phases: Sequence[LearningPhase]) -> list[str]:
-    return list(dict.fromkeys(agent for each in phases for agent in each.returns))
-
-
 def _chart(phases: Sequence[LearningPhase], rng: Generator) -> Chart:
     series = []
-    for agent in _agents(phases)[:MOST_LINES]:
+    agents = dict.fromkeys(agent for each in phases for agent in each.returns)
+    for agent in list(agents)[:MOST_LINES]:
         means = [mean_of(each.returns.get(agent, np.empty(0)), rng) for each in phases]
         line: dict[str, Any] = {"name": agent, "values": [finite(mean.value) for mean in means]}
         if any(mean.low is not None for mean in means):

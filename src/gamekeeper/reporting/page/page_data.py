@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gamekeeper.episodes.plain_json import fields_json
+from gamekeeper.statistics.interval import FloatArray
 
 Chart: TypeAlias = Mapping[str, Any]
 """A chart as the page's script and templates read it (assets/README.md)."""
@@ -252,8 +252,6 @@ def interval(low: float | None, high: float | None) -> str:
     """Both bounds in words; empty where there are none."""
     return "" if low is None or high is None else f"{shown(low)} to {shown(high)}"
 
-
-FloatArray = NDArray[np.float64]
 
 MOST_POINTS: Final = 400
 """Most points of a line; of more, neighbours are averaged."""

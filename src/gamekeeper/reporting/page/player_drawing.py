@@ -20,7 +20,7 @@ from gamekeeper.episodes.block import Raw
 from gamekeeper.episodes.episode import MASK, Episode
 from gamekeeper.episodes.layout import Column, value_columns
 from gamekeeper.reporting.page.packed_values import data_url, is_picture, plain_of_text, png
-from gamekeeper.reporting.page.scene_drawing import SceneSources, Series, drawn_scene
+from gamekeeper.reporting.page.scene_drawing import SceneSources, Series, drawn_scene, extent_of
 
 POSITIONS: Final = ("position", "pos", "xy", "location", "coordinates", "positions", "locations")
 """Fields of one or two numbers that are an agent's position."""
@@ -120,7 +120,7 @@ def drawn(
             return found, "the declared scene"
     tracks, source = _tracks(episode, leaves, agents, infos)
     if tracks:
-        return {"kind": "map", "extent": _extent(tracks), "tracks": tracks}, source
+        return {"kind": "map", "extent": extent_of(list(tracks.values())), "tracks": tracks}, source
     pictures = [each for each in leaves if is_picture(each.values[0]) and each.name != "state"]
     if pictures:
         return _montage(pictures)
@@ -276,12 +276,6 @@ def _moves(turns: Sequence[int], places: Sequence[Sequence[float]]) -> list[list
         if np.isfinite(x) and np.isfinite(y) and (not track or track[-1][1:] != [x, y]):
             track.append([turn, x, y])
     return track
-
-
-def _extent(tracks: Mapping[str, Sequence[Sequence[float]]]) -> list[float]:
-    points = [point for track in tracks.values() for point in track]
-    xs, ys = [point[1] for point in points], [point[2] for point in points]
-    return [min(xs, default=0), max(xs, default=1), min(ys, default=0), max(ys, default=1)]
 
 
 # -- pictures

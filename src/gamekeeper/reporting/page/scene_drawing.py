@@ -153,7 +153,7 @@ def _drawn(scene: Scene, sources: SceneSources) -> dict[str, Any]:
     points = [*tracks.values(), *(each["track"] for each in things)]
     return {
         "kind": "map",
-        "extent": _extent(points, size),
+        "extent": extent_of(points, size),
         "tracks": tracks,
         "scene": {
             "grid": scene.kind == "grid",
@@ -350,7 +350,10 @@ def _moves(turns: NDArray[np.int64], values: Numbers) -> Track:
     return track
 
 
-def _extent(tracks: Sequence[Track], size: Sequence[int] | None) -> list[float]:
+def extent_of(
+    tracks: Sequence[Sequence[Sequence[float | None]]], size: Sequence[int] | None = None
+) -> list[float]:
+    """Least and greatest x and y of a grid of that size, or of all points of tracks."""
     if size is not None:
         return [0, max(size[0] - 1, 0), 0, max(size[1] - 1, 0)]
     points = [(p[1], p[2]) for track in tracks for p in track]

@@ -49,7 +49,8 @@ def curves(
     chosen, ground, subject = _chosen(evaluation, rows, environment, of, "learning curve")
     ax = axes(ax)
     for place, name in enumerate(dict.fromkeys(row["curve"] for row in chosen)):
-        points = sorted((row for row in chosen if row["curve"] == name), key=_step)
+        mine = (row for row in chosen if row["curve"] == name)
+        points = sorted(mine, key=lambda row: float(row["step"]))
         _line(ax, points, statistic, name, color(place))
     title = f"{evaluation.name}: return of {subject} in {ground}"
     label = f"{'IQM' if statistic == 'iqm' else statistic} with {_level(evaluation)}"
@@ -187,10 +188,6 @@ def _write(ax: Axes, crossed: Row, payoffs: Row, means: Any) -> None:
         text = "\n".join(filter(None, [shown(float(mean)), between.get((pair, float(mean)), "")]))
         ink = "white" if mean <= middle else "black"
         ax.text(column, row, text, ha="center", va="center", fontsize=8, color=ink)
-
-
-def _step(row: Row) -> float:
-    return float(row["step"])
 
 
 def _line(ax: Axes, points: Sequence[Row], statistic: str, name: str, own: str) -> None:

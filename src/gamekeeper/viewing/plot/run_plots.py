@@ -64,7 +64,8 @@ def returns(run: Run, *, ax: Axes | None = None) -> Axes:
     evidence = evidence_of(run)
     figures = figures_of(evidence)
     agents = figures.agents[:MOST_ROWS] or _nothing(evidence, "returns")
-    places, rng = _places(evidence), np.random.default_rng(SEED)
+    places = {member.name: place for place, member in enumerate(packed_agents(evidence))}
+    rng = np.random.default_rng(SEED)
     ax, has_interval = axes(ax, rows=len(agents)), False
     ink = ax.title.get_color()  # black, but in a dark style of matplotlib's
     for row, agent in enumerate(agents):
@@ -119,11 +120,6 @@ def _nothing(evidence: Evidence, what: str, fix: str = "record at least one turn
         actual="none",
         fix=fix,
     )
-
-
-def _places(evidence: Evidence) -> Mapping[str, int]:
-    """By agent, its place among those of the run."""
-    return {member.name: place for place, member in enumerate(packed_agents(evidence))}
 
 
 # -- actions
