@@ -259,6 +259,35 @@ def test_data_set_of_others_is_one_agent(tmp_path: Path, monkeypatch: pytest.Mon
     assert evidence.summary.agents["cart"].return_mean == 3.0
 
 
+def test_data_set_of_others_is_verified_in_its_environment(tmp_path: Path) -> None:
+    """Its one agent is called as the Gymnasium environment's: no option is needed."""
+    import gymnasium
+
+    from gamekeeper.adapters.minari import load
+
+    env = gymnasium.make("CartPole-v1")
+    seen, rewards, ended = [env.reset(seed=3)[0]], [], [False]
+    while not ended[-1]:
+        observation, reward, terminated, _, _ = env.step(1)
+        seen.append(observation)
+        rewards.append(float(reward))
+        ended.append(terminated)
+    name = foreign(
+        tmp_path,
+        env.observation_space,
+        env.action_space,
+        observations=np.array(seen),
+        actions=np.ones(len(rewards), np.int64),
+        rewards=rewards,
+        terminations=ended[1:],
+        truncations=[False] * len(rewards),
+        seed=3,
+    )
+    load(tmp_path / name, tmp_path / "run")
+    replayed = gk.replay(tmp_path / "run", env="gymnasium:CartPole-v1")
+    assert (replayed.verified, replayed.divergence, replayed.reason) == (True, None, None)
+
+
 def test_value_of_another_dtype_is_nonconforming(tmp_path: Path) -> None:
     """A data set whose values aren't of its space is read as it is: nothing is coerced."""
     from gamekeeper.adapters.minari import load
@@ -271,8 +300,8 @@ def test_value_of_another_dtype_is_nonconforming(tmp_path: Path) -> None:
         actions=np.array([2, 3]),
     )
     turn = load(tmp_path / name).episodes[0].turns[0]
-    assert turn.nonconforming["agent"]["obs"]["type"] == "numpy.ndarray"
-    assert turn.observations["agent"].dtype == np.float64
+    assert turn.nonconforming["agent_0"]["obs"]["type"] == "numpy.ndarray"
+    assert turn.observations["agent_0"].dtype == np.float64
 
 
 def test_dict_spaces_of_others_can_be_agents(tmp_path: Path) -> None:

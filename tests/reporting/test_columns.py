@@ -45,3 +45,13 @@ def test_table_stands_in_columns_whatever_the_script() -> None:
     """The second column begins at the same place behind wide names."""
     one, two = table_lines([("二二", "x"), ("abcd", "x")], width=40)
     assert columns_of(one) == columns_of(two)
+
+
+def test_last_column_stands_below_where_the_others_leave_no_room() -> None:
+    """No line is longer than asked for, and every word is there."""
+    rows = [("a" * 25, "b" * 16, "one two three four five six"), ("c", "d", "")]
+    lines = list(table_lines(rows, width=50))
+    assert max(map(columns_of, lines)) <= 50
+    assert lines[0].split() == ["a" * 25, "b" * 16]
+    assert " ".join(" ".join(lines).split()).endswith("one two three four five six c d")
+    assert lines[1].startswith("      one")

@@ -153,9 +153,41 @@ def test_refused_folder_keeps_what_lies_in_it(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="isn't empty"):
         expand(tmp_path / "run", tmp_path / "taken")
     with pytest.raises(GamekeeperError, match="nowhere"):
-        expand(tmp_path / "run", tmp_path / "taken", env="gamekeeper.nowhere:make")
+        expand(tmp_path / "run", tmp_path / "new", env="gamekeeper.nowhere:make")
 
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "taken"]
     assert (tmp_path / "taken" / "notes.txt").read_text() == "mine"
+
+
+def test_expanded_run_gets_its_name_once_it_is_whole(tmp_path: Path) -> None:
+    """What a killed process leaves isn't at OUT: `recover` would make a shorter run of it."""
+    gk.rollout("two_robot_line", episodes=3, out=tmp_path / "small", level="actions")
+    whole = tmp_path / "new" / "whole"
+    seen: list[bool] = []
+
+    expand(tmp_path / "small", whole, on_message=lambda _: seen.append(whole.exists()))
+
+    assert seen
+    assert not any(seen)
+    assert [path.name for path in whole.parent.iterdir()] == ["whole"]
+    with pytest.raises(RunError, match="a run is there already"):
+        expand(tmp_path / "small", whole, on_message=lambda _: seen.append(True))
+    assert not any(seen)
+
+
+def test_expanding_keeps_a_file_and_fills_an_empty_folder(tmp_path: Path) -> None:
+    """A file that has the name is refused; an empty folder, also behind a link, is filled."""
+    gk.rollout("two_robot_line", episodes=1, out=tmp_path / "small", level="actions")
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "empty")
+
+    with pytest.raises(RunError, match="making the folder"):
+        expand(tmp_path / "small", tmp_path / "file")
+    expand(tmp_path / "small", tmp_path / "link")
+
+    assert (tmp_path / "file").read_text() == "mine"
+    assert verify(tmp_path / "empty").ok
 
 
 def test_recorded_environment_of_the_user_expands(tmp_path: Path) -> None:

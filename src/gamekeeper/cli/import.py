@@ -23,7 +23,7 @@ def command(
     Args:
         data (FORM:DATA): Data of another form: minari:ID, minari:FOLDER.
         out (--out FOLDER): Folder of the run; it must not exist yet (required).
-        agent (--agent AGENT): Name that the data's only agent gets (default: agent).
+        agent (--agent AGENT): Name that the data's only agent gets (default: agent_0).
         joint (--joint): Take each entry of the Dict spaces as an agent. Minari has one reward and
             no order for all: both are unknown then, and the reward stands in infos as joint_reward.
     """

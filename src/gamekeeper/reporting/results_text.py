@@ -52,6 +52,8 @@ UNDEFINED: Final = {
     "idle": "idle -: no noop is declared",
 }
 """Reasons of columns that hold no number."""
+LEAST_ROOM: Final = 16
+"""Columns that the last column of a table needs beside the others."""
 LONGEST_VALUE: Final = 240
 """Characters of a value that a text shows; the JSON document has all of it."""
 
@@ -209,9 +211,11 @@ def table_lines(
 ) -> Iterator[str]:
     """Rows in aligned, indented columns; the last one is broken where it doesn't fit.
 
+    Where the others leave too little room, texts of the last column stand below, indented.
+
     Args:
         rows: equally many cells in each.
-        width: columns that no line exceeds, as far as the other columns leave room.
+        width: columns that no line exceeds, as far as the other columns and numbers leave room.
         right: numbers of the columns that stand at the right.
         most: most columns of a cell, except the last one's; None: half a line.
     """
@@ -219,13 +223,18 @@ def table_lines(
     rows = [[*(one_cell(cell, most) for cell in row[:-1]), row[-1]] for row in rows]
     widths = [max(map(columns_of, column)) for column in zip(*rows, strict=True)]
     before = sum(widths[:-1]) + len(GAP) * (len(widths) - 1) + len(INDENT)
-    room = max(width - before, 16)
+    is_below = width - before < LEAST_ROOM and len(widths) - 1 not in right
+    if is_below:
+        before = 3 * len(INDENT)
+    room = max(width - before, LEAST_ROOM)
     for row in rows:
         cells = [
             filled(cell, columns, right=place in right)
             for place, (cell, columns) in enumerate(zip(row[:-1], widths[:-1], strict=True))
         ]
         first, *more = wrapped(row[-1], room) or [""]
+        if is_below:
+            more, first = [first, *more] if first else [], ""
         if len(row) - 1 in right:
             first = filled(first, widths[-1], right=True)
         yield (INDENT + GAP.join([*cells, first])).rstrip()

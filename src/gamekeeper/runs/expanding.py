@@ -1,7 +1,6 @@
 """Expands a small run: its episodes are played again into full evidence, which is compared."""
 
 import shutil
-import tempfile
 import time
 from collections.abc import Callable
 from contextlib import closing, suppress
@@ -21,6 +20,7 @@ from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.comparison import SILENCE_S, untellable
 from gamekeeper.runs.consent import consented, evidence_of
+from gamekeeper.runs.files.folder import renamed_when_whole
 from gamekeeper.runs.first_check import DIVERGED, NOT_CHECKED, PASSED
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder
@@ -69,22 +69,34 @@ def expand(
     check_named(env)
     evidence = evidence_of(run)
     _check_small(evidence, env)
+    with renamed_when_whole(Path(out)) as draft:
+        _expand_into(draft, evidence, env, allow_import, timeout_s, on_message)
+    return load(out)
+
+
+def _expand_into(
+    draft: Path,
+    evidence: Evidence,
+    env: str | None,
+    allow_import: bool,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+) -> None:
+    """Plays `evidence` again, recorded in full at `draft`, and compares both."""
     with consented(
         evidence, doing="expanding this run", env=env, allow_import=allow_import
     ) as consent:
-        arguments = {"path": str(evidence.path), "out": str(Path(out).absolute()), "env": env}
+        arguments = {"path": str(evidence.path), "out": str(draft), "env": env}
         outcome = run_task(TASK, arguments, silence_s=timeout_s, on_message=on_message)
     error = error_in(outcome)
     if error is not None:
         raise error
-    whole = load(out)
+    whole = load(draft)
     if consent.rule not in OWN_RULES:
         own_runs.forget(whole.root)
     divergence = first_divergence(evidence, whole)
     if divergence is not None:
-        shutil.rmtree(out, ignore_errors=True)
         raise _otherwise(evidence, divergence)
-    return whole
 
 
 def whole_evidence(
@@ -107,23 +119,16 @@ def whole_evidence(
     place = own_runs.user_folder("CACHE", ".cache", "Caches") / "expanded" / evidence.root
     kept = _kept_expansion(place)
     if kept is None:
-        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         name = env if isinstance(env, str) else None
-        # under a name of its own until it is verified: what a killed process leaves is never read
-        with tempfile.TemporaryDirectory(prefix=".expanding-", dir=place.parent) as folder:
-            draft = Path(folder) / "run"
-            draft.mkdir(mode=0o700)  # private, whatever the umask says
-            expand(evidence, draft, env=name, allow_import=allow_import)
-            with suppress(OSError):  # another process was first, and its expansion is the same
-                draft.rename(place)
-        kept = _kept_expansion(place)
-    if kept is None:
-        raise RunError(
-            "the expanded run can't be kept",
-            where=str(place),
-            expected="a folder that only you can write",
-            fix="move away what is there",
-        )
+        try:
+            with renamed_when_whole(place, mode=0o700) as draft:  # private, whatever the umask
+                _expand_into(draft, evidence, name, allow_import)
+        except RunError:  # where another process was first, its expansion is the same
+            kept = _kept_expansion(place)
+            if kept is None:
+                raise
+        else:
+            kept = load(place)
     return replace(kept, small=evidence.path)
 
 

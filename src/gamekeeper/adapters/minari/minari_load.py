@@ -255,7 +255,7 @@ def load(
     data: str | PathLike[str],
     out: str | PathLike[str] | None = None,
     *,
-    agent: str = "agent",
+    agent: str = "agent_0",
     joint: bool = False,
 ) -> Evidence:
     """A Minari data set as evidence, in memory or as a run.
@@ -263,7 +263,7 @@ def load(
     | | |
     |---|---|
     | kept | observations, actions, rewards, both flags, infos, seeds, episodes in their order; of an export of ours also agents, orders, masks, reward terms and turns, of a joint one every row bit for bit. `manifest["environment"]["imported"]` says where it is from, what it says of itself, and what it lacks |
-    | changed | the data set's maker is one agent, `agent`, that sees and does all of it; a turn is a step. Observations that Minari keeps as JPEG are what JPEG left of them |
+    | changed | the data set's maker is one agent, `agent_0`, that sees and does all of it; a turn is a step. Observations that Minari keeps as JPEG are what JPEG left of them |
     | lost | of an export of ours: what that lost. The fingerprint is another, as it covers states and the environment; that of the run stands in `imported["recorded"]["fingerprint"]` |
     | refused | a data set that names its spaces only by an environment (making that would run code) |
 

@@ -5,6 +5,7 @@ import hashlib
 import os
 import re
 import stat
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
@@ -374,6 +375,47 @@ def refuse_taken(folder: Path, *, but: tuple[str, ...] = ()) -> None:
             actual=", ".join(names[:5]) + (", ..." if len(names) > 5 else ""),
             fix=f"name another folder, such as {free_beside(folder)}, or move this one away first",
         )
+
+
+@contextmanager
+def renamed_when_whole(folder: Path, *, mode: int = 0o777) -> Iterator[Path]:
+    """An empty folder beside `folder`, which gets its name where the block ends without an error.
+
+    What a killed process leaves is never at `folder`.
+
+    Args:
+        mode: permissions that it is made with; the umask is taken off.
+    Raises:
+        RunError: something lies in `folder`, also when the block ends, or it can't be made.
+    """
+    folder = folder.resolve()  # a link to an empty folder stays
+    with making(folder):
+        folder.parent.mkdir(mode=mode, parents=True, exist_ok=True)
+        if os.path.lexists(folder):
+            refuse_taken(folder)
+        own = tempfile.TemporaryDirectory(
+            prefix=f".{folder.name[:64]}-", dir=folder.parent, ignore_cleanup_errors=True
+        )
+    with own:
+        draft = Path(own.name) / folder.name
+        with making(folder):
+            draft.mkdir(mode=mode)
+        yield draft
+        with making(folder):
+            if folder.exists():
+                folder.rmdir()
+            draft.rename(folder)
+
+
+@contextmanager
+def making(folder: Path) -> Iterator[None]:
+    """Raises a RunError for what the operating system refuses while `folder` is made."""
+    try:
+        yield
+    except RunError:
+        raise
+    except (OSError, ValueError) as error:
+        raise _no_folder(folder, error) from error
 
 
 def free_beside(folder: Path) -> Path:
