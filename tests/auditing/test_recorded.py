@@ -107,3 +107,12 @@ def test_what_follows_an_action_out_of_its_space_is_not_judged(
     shown = outside_space(tmp_path / "run", 80)  # what a diagnosis says of it
     assert "3 of 3. First at episode 0, turn 0" in shown
     assert "judged" not in shown
+
+
+def test_what_a_run_does_not_keep_needs_reruns(tmp_path: Path) -> None:
+    """Agents end in the run; that `agents` isn't kept is no word about its episodes."""
+    gk.rollout("tictactoe", episodes=2, out=tmp_path / "run")
+    found = gk.audit(str(tmp_path / "run"))
+    for id in ("GK301", "GK302", "GK303"):
+        assert found.of(id).outcome == "not_exercised"
+        assert "gamekeeper audit ENV" in found.of(id).reason

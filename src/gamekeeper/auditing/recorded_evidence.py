@@ -3,6 +3,7 @@
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
@@ -15,8 +16,8 @@ from gamekeeper.auditing.judge import Judged, judge, verdict_of
 from gamekeeper.auditing.reproduce import words
 from gamekeeper.auditing.result import AuditResult, spaces_text
 from gamekeeper.checks.check import LOW, Check, selected
-from gamekeeper.checks.probe_evidence import ProbeEvidence, ProbeRun
-from gamekeeper.checks.verdict import Finding, Verdict
+from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeEvidence, ProbeRun
+from gamekeeper.checks.verdict import NO_CASE, Finding, Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.agent_spec import AgentSpec, agent_spec
 from gamekeeper.episodes.episode import Episode
@@ -187,12 +188,24 @@ def _reads_rows(check: Check) -> bool:
     return ROLLOUT in check.needs and ROWS.issuperset(check.needs)
 
 
-def _recorded(evidence: Evidence, contract: Contract, episodes: Iterable[Episode]) -> ProbeEvidence:
+@dataclass(frozen=True, slots=True)
+class _Rows(ProbeEvidence):
+    """Rows of a run, which has no facts; `wanted`: kinds of facts that a check has asked for."""
+
+    wanted: list[type] = field(default_factory=list)
+
+    def facts(self, kind: type[Kind]) -> Sequence[Fact[Kind]]:
+        """Notes the kind; a run has none."""
+        self.wanted.append(kind)
+        return ()
+
+
+def _recorded(evidence: Evidence, contract: Contract, episodes: Iterable[Episode]) -> _Rows:
     """Episodes of a run in the place of those that the probe of rollouts plays."""
     agents, many = _agents(evidence, contract), list(episodes)
     fair = [each for each in many if next(_outside(each, agents), None) is None]
     none = OUTSIDE if many else "the run has no episode"
-    return ProbeEvidence(
+    return _Rows(
         api=str((evidence.manifest.get("environment") or {}).get("api")),
         agents=agents,
         looks={ROLLOUT: tuple(ProbeRun(episodes=(each,)) for each in fair)},
@@ -217,11 +230,14 @@ def _space(codec: Any) -> Any:
     return None if codec is None else codec.space
 
 
-def _verdict(check: Check, contract: Contract, recorded: ProbeEvidence) -> Verdict:
+def _verdict(check: Check, contract: Contract, recorded: _Rows) -> Verdict:
     if not _reads_rows(check):
         judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
     else:
+        recorded.wanted.clear()
         judged = judge(check, contract, recorded, {})
+        if judged.reason.startswith(NO_CASE) and recorded.wanted:
+            judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
     findings = tuple(
         Finding(str(x.where), words(x.expected), words(x.actual), check.fix, "")
         for x in judged.shown
