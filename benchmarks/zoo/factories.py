@@ -475,3 +475,27 @@ def hexagons(settings: str, **kwargs: Any) -> Any:
     folder = Path(os.environ["ZOO_REPOSITORIES"], where, "src/rl_scs/example_configurations")
     make = inner_module(where, "src", "rl_scs.SCS_Game").SCS_Game
     return make(str(folder / settings), **kwargs)
+
+
+def coverage_with_links() -> Any:
+    """Robots that explore the maps of its own tests and stay linked."""
+    where = "Jcorrieri+multiagent-gridworld"
+    maps = Path(os.environ["ZOO_REPOSITORIES"], where, "environment/obstacle-mats/testing")
+    settings = {"map_dir_path": str(maps)}
+    make = inner_module(where, "", "environment.envs.gridworld").GridWorldEnv
+    return make(env_params=settings)
+
+
+def air_ground_network() -> Any:
+    """Drones between users and satellites, with its own defaults."""
+    network = inner_module("scc2450+sagin_marl", "", "sagin_marl.env")
+    return network.SaginParallelEnv(network.SaginConfig())
+
+
+def graph_game(turns: bool = False) -> Any:
+    """Two players on a ring of five nodes: its own training draws a graph of five."""
+    import networkx
+
+    module, factory = ("grag_turn_env", "GRAGTurnEnv") if turns else ("grag_env", "GRAGEnv")
+    ring = networkx.cycle_graph(5)
+    return of_repository("meedogh+grag-cysec", module, factory, graph=ring)
