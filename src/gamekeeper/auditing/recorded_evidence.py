@@ -189,7 +189,7 @@ def _reads_rows(check: Check) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class _Rows(ProbeEvidence):
+class _RowsAlone(ProbeEvidence):
     """Rows of a run, which has no facts; `wanted`: kinds of facts that a check has asked for."""
 
     wanted: list[type] = field(default_factory=list)
@@ -200,12 +200,12 @@ class _Rows(ProbeEvidence):
         return ()
 
 
-def _recorded(evidence: Evidence, contract: Contract, episodes: Iterable[Episode]) -> _Rows:
+def _recorded(evidence: Evidence, contract: Contract, episodes: Iterable[Episode]) -> _RowsAlone:
     """Episodes of a run in the place of those that the probe of rollouts plays."""
     agents, many = _agents(evidence, contract), list(episodes)
     fair = [each for each in many if next(_outside(each, agents), None) is None]
     none = OUTSIDE if many else "the run has no episode"
-    return _Rows(
+    return _RowsAlone(
         api=str((evidence.manifest.get("environment") or {}).get("api")),
         agents=agents,
         looks={ROLLOUT: tuple(ProbeRun(episodes=(each,)) for each in fair)},
@@ -230,7 +230,7 @@ def _space(codec: Any) -> Any:
     return None if codec is None else codec.space
 
 
-def _verdict(check: Check, contract: Contract, recorded: _Rows) -> Verdict:
+def _verdict(check: Check, contract: Contract, recorded: _RowsAlone) -> Verdict:
     if not _reads_rows(check):
         judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
     else:

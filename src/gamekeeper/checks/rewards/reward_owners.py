@@ -174,7 +174,7 @@ def _placed(
     moved: frozenset[str],
     rosters: tuple[Sequence[str], Sequence[str], Sequence[str]],
 ) -> _Paid | None:
-    """What was moved, with the agent that a shift by those who left predicts; None if nothing.
+    """Adds the agent that a shift by those who left predicts; None if no reward was moved.
 
     Args:
         rosters: agents of the reset, of the step's start, and of its end.

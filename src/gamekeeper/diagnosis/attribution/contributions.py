@@ -140,9 +140,7 @@ def attribute(
         run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
     )
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
-        if env is not None:
-            with OpenSetup(setup, declared) as open_setup:
-                check_agents(evidence, open_setup)
+        _check_named(env, evidence, setup, declared)
         with ReplacementRunner(task) as runner:
             if closed and env is None:
                 check_last(evidence, runner.opened)
@@ -163,6 +161,14 @@ def attribute(
             head=head,
         )
     return _attributed(evidence, task, found, roles, baseline, budget, rivals)
+
+
+def _check_named(env: object, evidence: Evidence, setup: Setup, declared: Contract) -> None:
+    """Checks an environment that was named, before policies are looked up by its agents."""
+    if env is None:
+        return
+    with OpenSetup(setup, declared) as open_setup:
+        check_agents(evidence, open_setup)
 
 
 def _setup(evidence: Evidence, **given: Any) -> Setup:

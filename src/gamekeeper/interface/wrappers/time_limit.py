@@ -47,7 +47,7 @@ def time_limit(env: Any, steps: int) -> Any:
 
 
 class TimeLimit(EnvInside):
-    """What both forms have in common."""
+    """Part that both forms share."""
 
     def __str__(self) -> str:
         return f"TimeLimit<{self.env}>"
