@@ -163,10 +163,10 @@ def mapped(value: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def write_snapshot(records: NDArray[Any], snapshot: bytes) -> None:
-    """Writes a snapshot over the records that it was taken of, or over others of their kernel.
+    """Writes a snapshot over the records that it was taken of, or over as many of their kernel.
 
     Raises:
-        SpecError: it is of another kernel, or of another number of copies.
+        SpecError: it isn't as long as they are; nothing else tells another kernel's.
     """
     if len(snapshot) != records.nbytes:
         raise SpecError(
