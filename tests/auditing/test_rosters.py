@@ -237,6 +237,18 @@ def test_a_step_of_another_form_is_found(out: Any, seen: str) -> None:
     assert found.of("GK107").outcome == found.of("GK109").outcome == "not_exercised"
 
 
+def test_infos_that_are_none_are_told_once() -> None:
+    """What isn't a dictionary has no entries that could be missing."""
+
+    class Bare(Counting):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            return super().reset()[0], None
+
+    found = audited(Bare)
+    assert found.of("GK110").findings[0].actual == "infos: NoneType"
+    assert found.of("GK109").outcome != "failed"
+
+
 def test_a_reset_of_another_form_is_found() -> None:
     """Observations alone are the form of before PettingZoo had infos at reset."""
 

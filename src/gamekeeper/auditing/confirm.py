@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from gamekeeper.auditing.holds import AS_DRAWN, HOLDS, OF_DRAWS, Hold, held_still
+from gamekeeper.auditing.causes import AS_DRAWN, HOLDS, OF_DRAWS
+from gamekeeper.auditing.holds import Hold, held_still
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict

@@ -7,9 +7,10 @@ from functools import reduce
 from typing import Any, Final
 
 from gamekeeper.auditing.agent_places import PLACES
+from gamekeeper.auditing.causes import CLASSES, ENTROPY
 from gamekeeper.auditing.confirm import Programs
 from gamekeeper.auditing.gather import OF_ENTROPY, OF_SHARING, Gathering, look_once
-from gamekeeper.auditing.holds import CLASSES, ENTROPY, held_still
+from gamekeeper.auditing.holds import held_still
 from gamekeeper.auditing.judge import Judged, verdict_of
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.snippet import Home, snippet

@@ -188,12 +188,8 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
     if evidence.api == "aec":
         yield from _living_in_books(evidence)
         return
-    forms = [fact.value.calls for fact in evidence.facts(ReturnedForms)]
-    misshapen = {turn > 0 for calls in forms for turn, wrong in enumerate(calls) if wrong}
     for episode in evidence["rollout"]:
-        for each in turn_entries(episode):
-            if each.says_nothing or (each.turn.index > 0) in misshapen:
-                continue  # no dictionary, so no entry: GK110
+        for each in _well_formed(episode, evidence):
             bad = [(a, p) for a in sorted(each.missing) for p in _owed(each, a)]
             for agent, part in bad:
                 yield Case(
@@ -205,6 +201,15 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
                 )
             if not bad:
                 yield Case(episode.at(each.turn, None, "agents"), True)
+
+
+def _well_formed(episode: Episode, evidence: ProbeEvidence) -> Iterator[TurnEntries]:
+    """Turns of dictionaries; what is none has no entries, of which GK110 tells."""
+    forms = [fact.value.calls for fact in evidence.facts(ReturnedForms)]
+    misshapen = {turn > 0 for calls in forms for turn, wrong in enumerate(calls) if wrong}
+    for each in turn_entries(episode):
+        if not each.says_nothing and (each.turn.index > 0) not in misshapen:
+            yield each
 
 
 def _owed(each: TurnEntries, agent: str) -> list[str]:
@@ -314,9 +319,7 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
         return
     answers = any(fact.value.infos_answer for fact in evidence.facts(ReturnedForms))
     for episode in evidence["rollout"]:
-        for each in turn_entries(episode):
-            if each.says_nothing:
-                continue
+        for each in _well_formed(episode, evidence):
             live = each.turn.live if not each.turn.index else each.turn.live & each.before
             owed = live | {agent for agent in each.acted if each.has(agent)}
             owed &= set(each.turn.agents)
