@@ -9,6 +9,7 @@ from typing import Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
+    AskedEntropy,
     EpisodeElsewhere,
     PlainSeed,
     SeededEpisodes,
@@ -29,6 +30,7 @@ from gamekeeper.checks.paired_episodes import (
     settled_by_seed,
     told_difference,
     told_of,
+    told_with,
     whole,
 )
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
@@ -134,10 +136,13 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
         return  # instances share something, and that is another promise
     plays = list(evidence.counterfactuals("same_seed"))
     differs = differs_by_itself(evidence)
+    lines = [line for fact in evidence.facts(AskedEntropy) for line in fact.value.lines]
     for each in plays:
         change, tells = each.change["change"], told_of(contract, each)
         if change in ("nothing", "the global generators"):
-            for case in parted(each, _again(evidence.api, tells)):
+            cases = parted(each, _again(evidence.api, tells))
+            asked = lines if change == "nothing" else ()
+            for case in told_with(cases, "the system is asked for entropy", asked):
                 is_minor = not case.ok and _is_of_infos(each)
                 yield replace(case, severity=LOW) if is_minor else case
         elif differs:

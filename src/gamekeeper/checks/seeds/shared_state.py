@@ -24,6 +24,7 @@ from gamekeeper.checks.paired_episodes import (
     settled_by_seed,
     told_difference,
     told_of,
+    told_with,
     used_beside_fresh,
     whole,
 )
@@ -56,9 +57,11 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
     for look in evidence.looks.get("generators", ()):
         facts = [fact.value for fact in look.facts]
         moved = [each.generator for each in facts if isinstance(each, MovedGenerator)]
+        lines = [line for each in facts if isinstance(each, MovedGenerator) for line in each.lines]
         for counterfactual in look.counterfactuals:
             proof = _own_generator_proof(evidence.api, moved, told_of(contract, counterfactual))
-            yield from parted(counterfactual, proof, expected=ALONE)
+            cases = parted(counterfactual, proof, expected=ALONE)
+            yield from told_with(cases, "global generators are used", lines)
 
 
 OTHER_SEEDS: Final = 20
@@ -117,13 +120,10 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
             yield Case(fact.where, True, "as it was", "as it was")
         elif isinstance(fact.value, MovedGenerator):
             name, call = fact.value.generator, fact.value.call
-            yield Case(
-                fact.where,
-                False,
-                "as it was",
-                f"{name} was seeded or drawn from in {call}",
-                _global_generator_proof(evidence.api, name),
-            )
+            seen = f"{name} was seeded or drawn from in {call}"
+            proof = _global_generator_proof(evidence.api, name)
+            case = Case(fact.where, False, "as it was", seen, proof)
+            yield from told_with([case], "it is used", fact.value.lines)
 
 
 def _global_generator_proof(api: str, name: str) -> Reproducer:
