@@ -108,7 +108,7 @@ def test_lines_that_ask_for_entropy_are_named() -> None:
     ],
 )
 def test_audit_names_the_lines_that_draw(kind: Any, id: str, method: str, text: str) -> None:
-    """What was seen names file and line of the environment."""
+    """A finding has file and line of the environment."""
     found = audit_here(kind, select=(id,), budget=300).of(id)
     assert found.outcome == "failed"
-    assert line_of(getattr(kind, method), text) in found.findings[0].actual
+    assert line_of(getattr(kind, method), text) in found.findings[0].lines

@@ -68,7 +68,7 @@ def moving_lines(own: OwnCode, names: Collection[str]) -> Iterator[dict[str, lis
                 found[name].append(last)
         seen.update(now)
 
-    def trace(frame: FrameType, event: str, arg: Any) -> Any:
+    def follow(frame: FrameType, event: str, arg: Any) -> Any:
         nonlocal last, left
         if event == "call" and not own.place(frame):
             return None
@@ -78,12 +78,12 @@ def moving_lines(own: OwnCode, names: Collection[str]) -> Iterator[dict[str, lis
             return None
         notice()
         last = own.place(frame.f_back if event == "return" else frame)
-        return trace
+        return follow
 
     if sys.gettrace() is not None:
         yield found
         return
-    sys.settrace(trace)
+    sys.settrace(follow)
     try:
         yield found
     finally:

@@ -1,7 +1,5 @@
 """Cases about one episode that was played twice, and programs that play it twice."""
 
-from collections.abc import Collection, Iterable
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -52,13 +50,6 @@ def parted(
     elif counterfactual.noise is None:
         seen = told_difference(divergence)
         yield Case(difference_place(counterfactual, divergence), False, expected, seen, proof)
-
-
-def told_with(cases: Iterable[Case], words: str, lines: Collection[str]) -> Cases:
-    """The cases; those that are bad say at which lines of the environment, where any are known."""
-    places = f"; {words} at {', '.join(dict.fromkeys(lines))}" if lines else ""
-    for case in cases:
-        yield case if case.ok else replace(case, actual=f"{case.actual}{places}")
 
 
 def whole(counterfactual: ProbeCounterfactual) -> Where:

@@ -24,7 +24,6 @@ from gamekeeper.checks.paired_episodes import (
     settled_by_seed,
     told_difference,
     told_of,
-    told_with,
     used_beside_fresh,
     whole,
 )
@@ -57,11 +56,12 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
     for look in evidence.looks.get("generators", ()):
         facts = [fact.value for fact in look.facts]
         moved = [each.generator for each in facts if isinstance(each, MovedGenerator)]
-        lines = [line for each in facts if isinstance(each, MovedGenerator) for line in each.lines]
+        used = [line for each in facts if isinstance(each, MovedGenerator) for line in each.lines]
+        lines = tuple(dict.fromkeys(used))
         for counterfactual in look.counterfactuals:
             proof = _own_generator_proof(evidence.api, moved, told_of(contract, counterfactual))
-            cases = parted(counterfactual, proof, expected=ALONE)
-            yield from told_with(cases, "global generators are used", lines)
+            for case in parted(counterfactual, proof, expected=ALONE):
+                yield replace(case, lines=() if case.ok else lines)
 
 
 OTHER_SEEDS: Final = 20
@@ -120,10 +120,14 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
             yield Case(fact.where, True, "as it was", "as it was")
         elif isinstance(fact.value, MovedGenerator):
             name, call = fact.value.generator, fact.value.call
-            seen = f"{name} was seeded or drawn from in {call}"
-            proof = _global_generator_proof(evidence.api, name)
-            case = Case(fact.where, False, "as it was", seen, proof)
-            yield from told_with([case], "it is used", fact.value.lines)
+            yield Case(
+                fact.where,
+                False,
+                "as it was",
+                f"{name} was seeded or drawn from in {call}",
+                _global_generator_proof(evidence.api, name),
+                lines=fact.value.lines,
+            )
 
 
 def _global_generator_proof(api: str, name: str) -> Reproducer:
