@@ -13,17 +13,11 @@ import random
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from gamekeeper.auditing.class_state import kept_by_classes, put_back
-from gamekeeper.checks.reproducer_source import text_of
-
-MAKE: Final = "\ndef make():\n"
-"""The line before which a reproducer's imports stand, and after which its environment is built."""
-SEED: Final = "\nSEED = "
-"""The line after `make`, before which it is replaced."""
 
 
 def with_class(env: Any, **methods: Any) -> Any:
@@ -546,19 +540,3 @@ class Hold:
     function: Callable[[Callable[[], Any]], Callable[[], Any]]
     consequences: tuple[str, ...] = ()
     is_general: bool = False
-
-
-def held_still(program: str, hold: Hold) -> str:
-    """The program with a cause held still in every environment that it builds."""
-    text, modules = text_of(hold.function)
-    make = "make"
-    if with_class.__name__ in text:
-        own, _ = text_of(calls_of_class)
-        text, make = f"{own}\n{text}", f"{calls_of_class.__name__}(make)"
-    imports = "".join(f"import {name}\n" for name in modules)
-    head, found, rest = program.partition(MAKE)
-    body, seed, tail = rest.partition(SEED)
-    if not found or not seed:
-        return program
-    replaced = f"\n{text}\nmake = {hold.function.__name__}({make})\n"
-    return f"{head}\n{imports}{MAKE}{body}{replaced}{seed}{tail}"

@@ -97,8 +97,11 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Case
 
 
 def _differing_seeds_proof(api: str) -> Reproducer:
-    line = f"assert len({{play(make(), seed) for seed in range({SEEDS})}}) > 1"
-    return program(api, line, unchanged=())
+    lines = (
+        f"seen = {{play(make(), seed) for seed in range({SEEDS})}}",
+        f'assert len(seen) > 1, f"{SEEDS} seeds, and after each of them {{str(seen)[:400]}}"',
+    )
+    return program(api, *lines, unchanged=())
 
 
 AGAIN: Final = 70
@@ -188,7 +191,8 @@ def _empty(api: str) -> Reproducer:
     see = "seen" if api == "parallel" else "env.last()"
     lines = ["def first(**options):", "    env = make()"]
     lines.append("    seen = env.reset(seed=SEED, **options)")
-    lines += [f"    return repr({see})", "assert first() == first(options={})"]
+    lines += [f"    return repr({see})", "plain, empty = first(), first(options={})"]
+    lines += ["assert plain == empty, (plain, empty)"]
     return Reproducer("\n".join(lines), plays=False)
 
 
@@ -287,7 +291,8 @@ def _later_seeds_proof(api: str) -> Reproducer:
         "    env = make()",
         "    play(env)",
         "    return play(env, seed)",
-        f"assert len({{later(seed) for seed in range({SEEDS})}}) > 1",
+        f"seen = {{later(seed) for seed in range({SEEDS})}}",
+        f'assert len(seen) > 1, f"{SEEDS} seeds, and after each of them {{str(seen)[:400]}}"',
     )
 
 
@@ -350,7 +355,8 @@ def _unseeded_proof(api: str) -> Reproducer:
         api,
         "env = make()",
         "env.reset(seed=SEED)",
-        f"assert len({{play(env) for _ in range({RESETS})}}) > 1",
+        f"seen = {{play(env) for _ in range({RESETS})}}",
+        f'assert len(seen) > 1, f"{RESETS} unseeded resets, and after each {{str(seen)[:400]}}"',
         reset="env.reset()",
         unchanged=(),
     )

@@ -67,7 +67,9 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
             continue
         name = fact.where.field
         is_ok = bool(fact.value.is_same)
-        proof = f"for agent in env.agents:\n    assert env.{name}(agent) is env.{name}(agent)"
+        proof = (
+            f"for agent in env.agents:\n    assert env.{name}(agent) is env.{name}(agent), agent"
+        )
         yield Case(fact.where, is_ok, "the same object twice", "two objects", proof)
 
 
