@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
+from gamekeeper.auditing.causes import GLOBALS, RESETS, SPACES
 from gamekeeper.auditing.confirm import Programs, _finding
 from gamekeeper.auditing.held_programs import after_make, has_own_calls, held_still, pruned
-from gamekeeper.auditing.holds import GLOBALS, RESETS, SPACES
 from gamekeeper.checks.verdict import Finding, Reproduced
 
 PROGRAM = """# a check
