@@ -133,7 +133,7 @@ def test_state_that_adds_up_over_episodes_is_found() -> None:
     """One episode before the episode isn't enough to see it."""
     found = audited("AddsUp", "GK604")
     assert [each.id for each in found.failed] == ["GK604"]
-    assert re.search(r"for _ in range\([2-4]\):",  found.of("GK604").findings[0].reproducer
+    assert "for _ in range(2):" in found.of("GK604").findings[0].reproducer
 
 
 def test_consequence_names_the_cause_that_was_held_still() -> None:

@@ -259,22 +259,6 @@ def test_a_reset_of_another_form_is_found() -> None:
     assert "GK110" in broken(Old)
 
 
-def test_nothing_is_passed_where_no_step_shows_anything() -> None:
-    """Four values from `step`, as before PettingZoo 1.24: plays can't be compared, nor accused."""
-
-    class Older(Counting):
-        def reset(self, seed: int | None = None, options: Any = None) -> Any:
-            return super().reset()[0]
-
-        def step(self, actions: Any) -> Any:
-            return super().step(actions)[:4]
-
-    found = audit_here(Older, select=("GK110", "GK311", "GK601", "GK701", "GK901"), budget=300)
-    outcomes = {verdict.id: verdict.outcome for verdict in found.verdicts}
-    assert outcomes.pop("GK110") == "failed"
-    assert set(outcomes.values()) <= {"not_exercised", "not_applicable"}
-
-
 @pytest.mark.parametrize("book", ["rewards", "terminations", "truncations", "infos"])
 def test_books_in_turns_speak_of_the_living(book: str) -> None:
     """A book of an AEC environment that forgets a live agent, or keeps a dead one, is found."""

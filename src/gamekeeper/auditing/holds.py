@@ -22,17 +22,17 @@ from gamekeeper.auditing.class_state import kept_by_classes, put_back
 
 def with_class(env: Any, **methods: Any) -> Any:
     """The environment, with these methods in front: of one class for all, or pickle takes none."""
-    cls, main = type(env), vars(sys.modules["__main__"])
-    name, made_of = f"Held{cls.__name__}", (cls, [each.__code__ for each in methods.values()])
+    main, cls = vars(sys.modules["__main__"]), type(env)
+    made_of = cls, [getattr(each, "fget", each).__code__ for each in methods.values()]
+    name = f"Held{cls.__qualname__.rpartition('.')[2]}"  # for pickle; errors name the class's own
+    methods |= {"made_of": made_of, "__module__": "__main__", "__qualname__": name}
     if getattr(main.get(name), "made_of", None) != made_of:
-        main[name] = type(name, (cls,), {**methods, "made_of": made_of, "__module__": "__main__"})
+        main[name] = type(cls.__name__, (cls,), methods)
     env.__class__ = main[name]
     return env
 
 
-def with_methods(
-    make: Callable[[], Any], methods: Callable[[Any], dict[str, Callable[..., Any]]]
-) -> Callable[[], Any]:
+def with_methods(make: Callable[[], Any], methods: Callable[[Any], Any]) -> Callable[[], Any]:
     """Builds the environment, and puts methods in front of those of its class."""
 
     def built() -> Any:

@@ -76,7 +76,8 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
     expected, actual = words(case.expected), words(case.actual)
     session = reproduction.gathering.session
     is_own = has_own_calls(session.opened.env)
-    name, holds = case.where.probe, [PLACES] * session.by_place
+    name = case.where.probe
+    holds = [*session.readings_for(name), *[PLACES] * session.by_place]
     if proof is not None and proof.compares:
         holds += [ENTROPY] * (session.holds_entropy and name not in OF_ENTROPY)
         holds += [CLASSES] * (reproduction.gathering.is_shared and name not in OF_SHARING)

@@ -162,11 +162,14 @@ MOST_PROCESSES: Final = 12
 
 
 OBJECTS: Final = "agents are objects that no other process knows"
+READ: Final = "no other process reads what has another form than the API's"
 
 
 def against(session: ProbeSession) -> str | None:
     """Only what is named by text can be opened elsewhere, and only agents that are values named."""
-    return reason_against(session) or (OBJECTS if session.by_place else None)
+    if session.by_place:
+        return reason_against(session) or OBJECTS
+    return reason_against(session) or (READ if session.readings else None)
 
 
 def _other_process_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
