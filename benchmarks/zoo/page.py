@@ -62,7 +62,9 @@ def kept(folder: Path, lot: str) -> Iterator[Row]:
         if not path.exists() or (lot != "changed" and each.group != lot):
             continue
         result = json.loads(path.read_text())
-        verdicts = result.get("audit", {}).get("verdicts", ())
+        if "verdicts" not in result.get("audit", {}):  # it ended without an audit
+            continue
+        verdicts = result["audit"]["verdicts"]
         failed = [one for one in verdicts if one["outcome"] == "failed"]
         own = [one for one in failed if not one["follows_from"]]
         shown = [one["reproduced"] for one in own]
