@@ -234,7 +234,7 @@ def crazyrl(task: str, agents: int = 3) -> Any:
         "circle": {},
         "surround": {"target_location": target},
         "catch": {"init_target_location": target, "target_speed": 0.1},
-        "escort": {"init_target_location": target, "final_target_location": -target},
+        "escort": {"init_target_location": target, "final_target_location": target * [-1, -1, 1]},
     }
     return of_repository(
         "ffelten+CrazyRL",
