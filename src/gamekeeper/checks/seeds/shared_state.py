@@ -53,15 +53,20 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
     Fix: draw from a generator of the environment's own, built in reset(seed):
     np.random.default_rng(seed)
     """
+    lines = _moving_lines(evidence)
     for look in evidence.looks.get("generators", ()):
         facts = [fact.value for fact in look.facts]
         moved = [each.generator for each in facts if isinstance(each, MovedGenerator)]
-        used = [line for each in facts if isinstance(each, MovedGenerator) for line in each.lines]
-        lines = tuple(dict.fromkeys(used))
         for counterfactual in look.counterfactuals:
             proof = _own_generator_proof(evidence.api, moved, told_of(contract, counterfactual))
             for case in parted(counterfactual, proof, expected=ALONE):
                 yield replace(case, lines=() if case.ok else lines)
+
+
+def _moving_lines(evidence: ProbeEvidence) -> tuple[str, ...]:
+    """Lines that moved a global generator in any episode, each once."""
+    used = [each for fact in evidence.facts(MovedGenerator) for each in fact.value.lines]
+    return tuple(dict.fromkeys(used))
 
 
 OTHER_SEEDS: Final = 20
