@@ -26,7 +26,17 @@ FINDINGS: Final = HERE.parents[1] / "docs" / "findings"
 WORDS: Final = ("true", "same cause", "pedantic", "false")
 FAULTS: Final = WORDS[:2]
 """Judgements that say that a fault is there."""
-APART: Final = ("second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
+APART: Final = (
+    "second",
+    "third",
+    "fourth",
+    "fifth",
+    "sixth",
+    "seventh",
+    "eighth",
+    "ninth",
+    "tenth",
+)
 """Lots of repositories that no audit had been run on."""
 LOTS: Final = ("tuned", "related", "new", "left", "fresh", "again", *APART, "changed")
 SEVERAL: Final = 10

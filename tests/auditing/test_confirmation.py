@@ -57,7 +57,7 @@ def test_name_that_a_line_of_the_environment_lacks_is_shown() -> None:
     """A NameError in each step fails, where one of the program's own would show nothing."""
     verdict = audited("Nameless", "GK221").of("GK221")
     assert (verdict.outcome, verdict.reproduced) == ("failed", Reproduced(TRIES, TRIES, None))
-    assert "lucky_games.py" in verdict.findings[0].actual
+    assert "lucky_games.py:" in verdict.findings[0].lines[0]
 
 
 def test_processes_that_agree_by_chance_withdraw_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

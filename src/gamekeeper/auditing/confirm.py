@@ -174,8 +174,8 @@ class Confirmation:
         is_shown = failed == tried
         finding = self._as_shown(finding) if is_shown else finding
         at = self._raised.get(finding.reproducer, "").partition(" ")[0] if is_shown else ""
-        if at and at not in finding.actual:
-            finding = replace(finding, actual=f"{finding.actual} (raised at {at})")
+        if at:
+            finding = replace(finding, lines=(at,))
         if is_shown and each.unchanged:
             unchanged = is_shown = self.passes(each.unchanged)
         return finding, Reproduced(failed, tried, unchanged), is_shown

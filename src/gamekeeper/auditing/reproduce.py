@@ -77,13 +77,15 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
         holds += [ENTROPY] * (session.holds_entropy and name not in OF_ENTROPY)
         holds += [CLASSES] * (reproduction.gathering.is_shared and name not in OF_SHARING)
     title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
-    shows += f"\nenvironment: {reproduction.rules}" if reproduction.rules else ""
+    place = ", ".join(case.lines) or reproduction.rules
+    shows += f"\nenvironment: {place}" if place else ""
 
     def program(of: EpisodePlan, proof: Reproducer | None) -> str:
         text = snippet(reproduction.home, session.api, of, proof, title=title, shows=shows)
         return reduce(held_still, holds, text)
 
-    finding = Finding(str(case.where), expected, actual, check.fix, program(play, proof))
+    text = program(play, proof)
+    finding = Finding(str(case.where), expected, actual, check.fix, text, case.lines)
     longer = [program(each, proof) for each in longer_episodes(play, begun)]
     unchanged = None if proof is None else unchanged_of(proof)
     return Programs(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
+from gamekeeper.auditing.draw_places import OwnCode, moving_lines
 from gamekeeper.auditing.meeting import meeting
 from gamekeeper.auditing.other_process import (
     ROSTERS,
@@ -74,10 +75,15 @@ def generators(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         env = session.env()
         notice("make", 0)
         base = session.play(play, env, watch=watch)
+    lines: dict[str, list[str]] = {}
+    if moved and play.stream < DISTURBED:
+        with moving_lines(OwnCode.of(env), moved) as lines:
+            session.fresh(base.play)
     for name in sorted(seen):
         if name in moved:
             call, turn = moved[name]
-            yield session.fact(MovedGenerator(name, call), turn=turn, field=name)
+            used = MovedGenerator(name, call, tuple(lines.get(name, ())))
+            yield session.fact(used, turn=turn, field=name)
         else:
             yield session.fact(UnmovedGenerator(name), field=name)
     if not moved and play.stream >= DISTURBED:

@@ -9,6 +9,7 @@ from typing import Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
+    AskedEntropy,
     EpisodeElsewhere,
     PlainSeed,
     SeededEpisodes,
@@ -134,12 +135,19 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
         return  # instances share something, and that is another promise
     plays = list(evidence.counterfactuals("same_seed"))
     differs = differs_by_itself(evidence)
+    facts = evidence.facts(AskedEntropy)
+    lines = tuple(dict.fromkeys(line for fact in facts for line in fact.value.lines))
     for each in plays:
         change, tells = each.change["change"], told_of(contract, each)
         if change in ("nothing", "the global generators"):
+            asked = lines if change == "nothing" else ()
             for case in parted(each, _again(evidence.api, tells)):
                 is_minor = not case.ok and _is_of_infos(each)
-                yield replace(case, severity=LOW) if is_minor else case
+                yield (
+                    case
+                    if case.ok
+                    else replace(case, severity=LOW if is_minor else None, lines=asked)
+                )
         elif differs:
             continue  # by itself, whatever the clock says
         elif change == "the time of day":

@@ -56,9 +56,12 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
     for look in evidence.looks.get("generators", ()):
         facts = [fact.value for fact in look.facts]
         moved = [each.generator for each in facts if isinstance(each, MovedGenerator)]
+        used = [line for each in facts if isinstance(each, MovedGenerator) for line in each.lines]
+        lines = tuple(dict.fromkeys(used))
         for counterfactual in look.counterfactuals:
             proof = _own_generator_proof(evidence.api, moved, told_of(contract, counterfactual))
-            yield from parted(counterfactual, proof, expected=ALONE)
+            for case in parted(counterfactual, proof, expected=ALONE):
+                yield replace(case, lines=() if case.ok else lines)
 
 
 OTHER_SEEDS: Final = 20
@@ -123,6 +126,7 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
                 "as it was",
                 f"{name} was seeded or drawn from in {call}",
                 _global_generator_proof(evidence.api, name),
+                lines=fact.value.lines,
             )
 
 
