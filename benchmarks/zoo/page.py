@@ -161,7 +161,8 @@ def checks(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     yield "## How often a check is right\n"
     yield "The newest audit of each environment that its checks weren't changed by; *not tuned*: of"
     yield "the causes, those of lots other than *tuned*; *after*: of the newest audit of all, those"
-    yield f"[after the changes](#after-the-changes) included. Shares from {SEVERAL} causes on.\n"
+    yield "[after the changes](#after-the-changes) included: it says what was changed,"
+    yield f"and nothing about other environments. Shares from {SEVERAL} causes on.\n"
     titles = ["check", "causes", "not tuned", *WORDS, "true", "a fault", "after: causes", "true"]
     yield _line(titles)
     yield "|" + "---|" * len(titles)
@@ -275,7 +276,8 @@ def changed(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     yield "## After the changes\n"
     yield "Audits that reached the checks in question; *before*: the newest one of those above."
     yield "Those from magent2 to micro_battle ran at a load of 20 to 27: GK808 of magent2, and"
-    yield "GK102, GK403 and GK802 of micro_battle, they had no time for.\n"
+    yield "GK102, GK403 and GK802 of micro_battle, they had no time for. The catalogue had sent the"
+    yield "target of escort below the ground, and doesn't any more.\n"
     yield "| environment | before | after |"
     yield "|---|---|---|"
     for row in rows:
