@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gamekeeper.auditing.audit import audit_here
@@ -235,6 +236,24 @@ def test_a_step_of_another_form_is_found(out: Any, seen: str) -> None:
     found = audited(lambda: Counting(bend=lambda env, five: out(five)))
     assert found.of("GK110").findings[0].actual == seen
     assert found.of("GK107").outcome == found.of("GK109").outcome == "not_exercised"
+
+
+def test_possible_agents_in_an_array_are_told_and_stop_no_check() -> None:
+    """An array has no truth: it is named as what it is, and everything else is looked at."""
+
+    class Arrayed(Counting):
+        def __init__(self) -> None:
+            super().__init__()
+            self.possible_agents = np.array(self.possible_agents, object)
+
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            out = super().reset()
+            self.agents = list(self.agents)
+            return out
+
+    found = audit_here(Arrayed, select=("GK114", "GK201", "GK211", "GK601"), budget=400)
+    outcomes = {verdict.id: verdict.outcome for verdict in found.verdicts}
+    assert outcomes == {"GK114": "failed", **dict.fromkeys(("GK201", "GK211", "GK601"), "passed")}
 
 
 def test_infos_that_are_none_are_told_once() -> None:

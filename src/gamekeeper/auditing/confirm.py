@@ -13,6 +13,7 @@ from gamekeeper.auditing.causes import AS_DRAWN, HOLDS, OF_DRAWS
 from gamekeeper.auditing.held_programs import SIMPLER, held_still
 from gamekeeper.auditing.holds import Hold
 from gamekeeper.auditing.probe_session import TimeUpError
+from gamekeeper.auditing.reproducer_process import is_of_library
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -181,7 +182,7 @@ class Confirmation:
         is_shown = failed == tried
         finding = self._as_shown(finding) if is_shown else finding
         at = self._raised.get(finding.reproducer, "").partition(" ")[0] if is_shown else ""
-        if at:
+        if at and not is_of_library(at):
             finding = replace(finding, lines=(at,))
         if is_shown and each.unchanged:
             unchanged = is_shown = self.passes(each.unchanged)

@@ -24,6 +24,7 @@ from gamekeeper.checks.literal import is_value
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.env_source import possible_agents_of
 from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.memory import MemorySink
@@ -108,7 +109,7 @@ def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     names: dict[Any, list[str]] = {}
 
     def watch(turn: int, env: Any, out: Any) -> None:
-        for agent in [*(getattr(env, "possible_agents", None) or ()), *env.agents]:
+        for agent in [*possible_agents_of(env), *env.agents]:
             names.setdefault(agent, [str(agent), type(agent).__name__])
 
     base = session.play(play, env, watch=watch)
