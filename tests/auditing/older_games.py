@@ -38,6 +38,14 @@ class WithoutInfos(Older):
         return super().step(actions)[:3]
 
 
+class OlderTimed(Older):
+    """All are cut by a limit that has a name."""
+
+    def __init__(self) -> None:
+        super().__init__(ends=(90, 90, 90), limit=8)
+        self.max_steps = 8
+
+
 class OlderByLot(Older):
     """Draws from NumPy's generator, which the seed has no part in."""
 

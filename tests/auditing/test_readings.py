@@ -10,7 +10,7 @@ from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.readings import RETURNS, SPACES, readings_of, through
 from gamekeeper.interface.opening import open_env
 from tests.auditing import older_games
-from tests.auditing.older_games import NamedSpaces, NothingTold, Older
+from tests.auditing.older_games import NamedSpaces, NothingTold, Older, OlderTimed, WithoutInfos
 from tests.auditing.roster_games import Counting, Turning
 from tests.faults.rovers import Rovers
 
@@ -25,10 +25,7 @@ def test_form_is_all_that_is_wrong(name: str) -> None:
     """A game that is sound but for its form is accused of that alone, and seen to its end."""
     found = audit_here(getattr(older_games, name), budget=2_000)
     high = {each.id for each in found.failed if each.severity != "low"}
-    expected = {FORM.get(name, "GK110")}
-    if name == "OlderTogether":  # agents leave one by one, and the flag is raised once all have
-        expected |= {"GK501"}
-    assert high == expected
+    assert high == {FORM.get(name, "GK110")}
     seen = {each.id for each in found.verdicts if each.outcome == "passed"}
     assert {"GK601", "GK213", "GK401", "GK901"} <= seen
 
@@ -44,9 +41,14 @@ def test_second_fault_is_told_by_a_program_that_runs(name: str, id: str) -> None
     assert f"make = {reading.function.__name__}(" in verdict.findings[0].reproducer
 
 
-def test_entries_that_a_reading_adds_are_no_evidence() -> None:
-    """What a call returns in another form passes no check of its entries."""
-    found = audit_here(Older, select=("GK107", "GK108", "GK109"), budget=300)
+@pytest.mark.parametrize("game", [Older, WithoutInfos, OlderTimed])
+def test_entries_that_a_reading_adds_are_no_evidence(game: Any) -> None:
+    """What a call returns in another form passes no check of its entries, and fails none.
+
+    One flag is neither a termination nor a truncation, whatever ends an episode.
+    """
+    select = ("GK107", "GK108", "GK109", "GK501", "GK502", "GK508")
+    found = audit_here(game, select=select, budget=300)
     assert {each.outcome for each in found.verdicts} == {"not_exercised"}
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -212,7 +212,8 @@ def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, st
         _check_measured(gathering)
     if name == FIRST:
         session.holds_entropy = differs_by_itself(gathering.gathered())
-        gathering.is_shared = session.holds_entropy and _is_shared(gathering)
+        with suppress(TimeUpError):  # too little time to tell
+            gathering.is_shared = session.holds_entropy and _is_shared(gathering)
 
 
 def _has_readings(gathering: Gathering) -> bool:
