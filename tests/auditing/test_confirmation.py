@@ -38,7 +38,7 @@ from gamekeeper.rollouts.workers import TaskOutcome
 from tests.auditing.lucky_games import OnlyInTests, Tires
 
 GAMES = "tests.auditing.lucky_games"
-GLOBALS_SEEDED = "global generators seeded before each call"
+GLOBALS_SEEDED = "global generators kept apart for each environment"
 
 
 def audited(name: str, *select: str, **options: Any) -> AuditResult:

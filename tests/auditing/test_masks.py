@@ -9,6 +9,7 @@ import pytest
 from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
+from gamekeeper.checks.spaces.action_masks import is_joint, is_legal
 from gamekeeper.contract import Contract
 from tests.faults.rovers import Rovers
 from tests.faults.tokens import CELLS, Tokens
@@ -198,3 +199,27 @@ def test_a_mask_that_differs_from_the_other_is_one_cause() -> None:
     """An empty mask beside one that isn't is told as masks that disagree, and no more."""
     found = audit_here(OneOfTwoIsEmpty, select=("GK233", "GK234"), budget=60)
     assert [each.id for each in found.failed] == ["GK234"]
+
+
+PAIRS = np.array([[1, 0, 1], [0, 1, 1]], np.int8)
+
+
+@pytest.mark.parametrize(
+    ("space", "action", "is_allowed"),
+    [
+        (spaces.MultiDiscrete([2, 3]), [0, 1], False),
+        (spaces.Tuple([spaces.Discrete(2), spaces.Discrete(3, start=5)]), (1, 6), True),
+        (spaces.Dict(b=spaces.Discrete(2), a=spaces.Discrete(3)), {"a": 1, "b": 0}, False),
+        (spaces.Dict({"b": spaces.Discrete(2), "a": spaces.Discrete(3)}), {"a": 2, "b": 0}, True),
+    ],
+    ids=str,
+)
+def test_a_number_for_each_joint_action_is_a_mask(
+    space: Any, action: Any, is_allowed: bool
+) -> None:
+    """One of other sizes, or with a Box, has none; a Dict's axes are told by their sizes."""
+    assert is_joint(space, PAIRS)
+    assert is_joint(space, PAIRS.T) is isinstance(space, spaces.Dict)
+    assert not is_joint(space, PAIRS[:, :2])
+    assert is_legal(space, PAIRS, action) is is_allowed
+    assert not is_joint(spaces.Tuple([spaces.Discrete(2), spaces.Box(0, 1, (3,))]), PAIRS)

@@ -29,7 +29,7 @@ from gamekeeper.auditing.holds import (
 )
 
 GLOBALS: Final = Hold(
-    "global generators seeded before each call", globals_held, ("GK600",), is_general=True
+    "global generators kept apart for each environment", globals_held, ("GK600",), is_general=True
 )
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
 GENERATORS: Final = Hold(

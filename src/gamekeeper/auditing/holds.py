@@ -75,7 +75,10 @@ def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Seeds the global generators before each call by the reset's seed and the call's number."""
+    """Keeps what each environment draws from the global generators apart from all other draws.
+
+    They begin as in the audit, so that its actions fit: elsewhere where a reset's seed is another.
+    """
 
     def seed_all(number: int) -> None:
         np.random.seed(number)
@@ -83,20 +86,38 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
         if "torch" in sys.modules:
             sys.modules["torch"].manual_seed(number)
 
+    def keep(env: Any) -> None:
+        torch = sys.modules.get("torch")
+        states = np.random.get_state(), random.getstate(), torch and torch.get_rng_state()
+        env.__dict__["drawn_to"] = states
+
+    def go_on(env: Any) -> None:
+        ours, other, third = env.__dict__["drawn_to"]
+        np.random.set_state(ours)
+        random.setstate(other)
+        if third is not None:
+            sys.modules["torch"].set_rng_state(third)
+
     def built() -> Any:
-        seed_all(0)
+        seed_all(764_309)
         env = make()
         cls = type(env)
+        keep(env)
 
         def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            self.__dict__["calls_made"] = 65_536 * ((kwargs.get("seed") or 0) % 65_536)
-            seed_all(self.__dict__["calls_made"])
-            return cls.reset(self, *args, **kwargs)
+            go_on(self)
+            seed = kwargs.get("seed")
+            if seed is not None:
+                seed_all((764_309 + seed - globals().get("SEED", 0)) % 2**32)
+            out = cls.reset(self, *args, **kwargs)
+            keep(self)
+            return out
 
         def step(self: Any, action: Any) -> Any:
-            self.__dict__["calls_made"] += 1
-            seed_all(self.__dict__["calls_made"])
-            return cls.step(self, action)
+            go_on(self)
+            out = cls.step(self, action)
+            keep(self)
+            return out
 
         return with_class(env, reset=reset, step=step)
 

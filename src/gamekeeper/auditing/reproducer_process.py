@@ -8,14 +8,14 @@ from typing import Any, Final
 FILE: Final = "<reproducer>"
 NUMPY_TESTING: Final = f"numpy{os.sep}testing"
 LIBRARIES: Final = tuple(
-    os.path.join("", *parts, "") for parts in (("numpy",), ("gymnasium",), ("pettingzoo", "utils"))
+    f"{os.sep}{name}{os.sep}" for name in ("numpy", "gymnasium", f"pettingzoo{os.sep}utils")
 )
 """Parts of the paths of code that raises for another."""
 
 
 def is_of_library(file: str) -> bool:
     """Tells whether a file is of a library that raises for the environment's own code."""
-    return any(f"{os.sep}{part}" in file for part in LIBRARIES)
+    return any(part in file for part in LIBRARIES)
 
 
 def raised_at(error: BaseException) -> str:
@@ -32,9 +32,10 @@ def raised_at(error: BaseException) -> str:
             NUMPY_TESTING in places[-1][0] or places[-1][0].endswith("contextlib.py")
         ):
             places.pop()
-    own = [each for each in places if each[0] != FILE and not is_of_library(each[0])]
     if not places or places[-1][0] == FILE:
         return ""
+    start = max((place for place, each in enumerate(places) if each[0] == FILE), default=-1)
+    own = [each for each in places[start + 1 :] if not is_of_library(each[0])]
     file, line = own[-1] if own else places[-1]
     return f"{file}:{line}"
 

@@ -100,10 +100,40 @@ def fits(space: Any, mask: Any) -> str | None:
 
 
 def is_joint(space: Any, mask: Any) -> bool:
-    """Tells whether a mask has one number for each joint action of a MultiDiscrete space."""
-    if not isinstance(space, spaces.MultiDiscrete) or not isinstance(mask, np.ndarray):
+    """Tells whether a mask has one number for each joint action of a space of several choices."""
+    counts = [count for count, _ in _choices(space)]
+    if not counts or not isinstance(mask, np.ndarray):
         return False
-    return mask.shape == tuple(space.nvec.ravel()) and fits(space, mask) is not None
+    in_order = sorted if isinstance(space, spaces.Dict) else list  # Gymnasium sorts the names
+    return in_order(mask.shape) == in_order(counts) and fits(space, mask) is not None
+
+
+def _choices(space: Any) -> list[tuple[int, int]]:
+    """Number of values, and the first, of each choice: of MultiDiscrete, Tuple or Dict; else none.
+
+    A part of Tuple or Dict that is no Discrete leaves none.
+    """
+    if isinstance(space, spaces.MultiDiscrete):
+        return list(zip(space.nvec.ravel().tolist(), space.start.ravel().tolist(), strict=True))
+    if not isinstance(space, spaces.Tuple | spaces.Dict):
+        return []
+    parts = space.spaces.values() if isinstance(space, spaces.Dict) else space.spaces
+    found = [(int(each.n), int(each.start)) for each in parts if isinstance(each, spaces.Discrete)]
+    return found if len(found) == len(parts) else []
+
+
+def _allows(space: Any, mask: Any, action: Any) -> bool:
+    """Tells what a mask of joint actions says; True where a Dict's names fit several axes."""
+    is_named = isinstance(space, spaces.Dict)
+    values = [action[name] for name in space.spaces] if is_named else np.ravel(action)
+    choices = _choices(space)
+    chosen = [int(value) - start for value, (_, start) in zip(values, choices, strict=True)]
+    if is_named:
+        at = dict(zip((count for count, _ in choices), chosen, strict=True))
+        if len(at) < len(chosen):
+            return True
+        chosen = [at[size] for size in mask.shape]
+    return bool(mask[tuple(chosen)])
 
 
 def is_shared(space: Any, mask: Any) -> bool:
@@ -143,10 +173,10 @@ def is_legal(space: Any, mask: Any, action: Any) -> bool:
             return False
         if mask is None:
             return True
+        if is_joint(space, mask):
+            return _allows(space, mask, action)
         if _is_unread(space, mask):
             return False
-        if is_joint(space, mask):
-            return bool(mask[tuple(np.ravel(action) - np.ravel(space.start))])
         flags = mask_parts(space, mask)
         if isinstance(space, spaces.Discrete):
             return bool(flags[0][int(action) - int(space.start)])
@@ -191,8 +221,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
 
     A mask of another length, or of another agent's action space, can't be laid over what a policy
     may choose: some actions are never offered, or choosing crashes. One number for each joint
-    action of a MultiDiscrete space is a mask too, and so is one for each value where
-    all choices share it.
+    action of several choices (MultiDiscrete, or a Tuple or Dict of Discrete) is a mask too, and so
+    is one for each value where all choices share it.
 
     Bad:
         spaces.Discrete(5); mask = np.ones(4, np.int8)      # "stay" was forgotten
