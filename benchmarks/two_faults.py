@@ -2,8 +2,10 @@
 
     python benchmarks/two_faults.py [--every 3] [--json FILE]
 
-An audit is right where it gives the planted fault and the slip (GK601) as two causes. Environments
-whose own fault is one of seeds are left out, as the slip is another of the same kind.
+An audit is right where the slip (GK601) is a cause, and the planted fault has failed too, as
+another cause or as what follows from one that goes with it. Of a check that can't be certain,
+suspected is enough. Environments whose own fault is one of seeds are left out, as the slip is
+another of the same kind.
 """
 
 from __future__ import annotations
@@ -20,31 +22,35 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from gamekeeper.auditing.audit_process import audit
-from tests.faults import environments
+from gamekeeper.checks.check import checks
+from tests.faults import Faulty, environments
 from tests.faults.rovers import Rovers
 
 SLIP = 0.1
 WORKERS = 2
 
 
-class Slips:
+class Slips(Rovers):
     """One action in ten is replaced by standing still, in no seed's hand."""
 
     def drive(self, agent: str, action: int) -> None:
         """Slips now and then."""
         slips = np.random.default_rng().random() < SLIP
-        super().drive(agent, 0 if slips else action)  # type: ignore[misc]  # a mixin
+        super().drive(agent, 0 if slips else action)
 
 
-def _both() -> dict[str, tuple[str, ...]]:
-    """Names of environments in this module, each with the checks of its planted fault."""
+def _both() -> dict[str, Faulty]:
+    """Environments in this module by their names, each with its planted fault.
+
+    They slip in the last of their classes that drives: one that drives by itself doesn't hide it.
+    """
     found = {}
     for name, each in environments().items():
         if not issubclass(each.env, Rovers) or any(id.startswith("GK60") for id in each.checks):
             continue
         if each.checks and each.declared is None:
-            globals()[f"{name}Slips"] = type(f"{name}Slips", (Slips, each.env), {})
-            found[f"{name}Slips"] = each.checks
+            globals()[f"{name}Slips"] = type(f"{name}Slips", (each.env, Slips), {})
+            found[f"{name}Slips"] = each
     return found
 
 
@@ -53,15 +59,20 @@ BOTH = _both()
 
 def judged(name: str, budget: int) -> dict[str, Any]:
     """The causes and the consequences that the audit of one of them gives."""
-    failed = audit(f"benchmarks.two_faults:{name}", budget=budget).failed
-    causes = [each.id for each in failed if each.follows_from is None]
+    each = BOTH[name]
+    # its budget is of one fault: what two of them take is twice as much
+    found = audit(f"benchmarks.two_faults:{name}", budget=max(budget, 2 * each.budget))
+    causes = [verdict.id for verdict in found.failed if verdict.follows_from is None]
+    broken = {verdict.id for verdict in found.failed}
+    broken |= {v.id for v in found.verdicts if v.outcome == "suspected" and checks()[v.id].doubt}
+    both = "GK601" in causes and broken >= set(each.checks)
     return {
         "name": name,
-        "planted": [*BOTH[name], "GK601"],
+        "planted": [*each.checks, "GK601"],
         "causes": causes,
-        "consequences": [each.id for each in failed if each.follows_from is not None],
-        "both": set(causes) >= {*BOTH[name], "GK601"},
-        "only_both": set(causes) == {*BOTH[name], "GK601"},
+        "consequences": sorted(broken - set(causes)),
+        "both": both,
+        "only_both": both and set(causes) <= {*each.checks, *each.also, "GK601"},
     }
 
 

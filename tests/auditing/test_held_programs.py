@@ -1,12 +1,17 @@
 """Programs with causes held still: no text twice, nothing that nobody names, the simplest hold."""
 
+import ast
 from typing import Any
 
 import pytest
 
-from gamekeeper.auditing.causes import GLOBALS, RESETS, SPACES
+from gamekeeper.auditing.agent_places import PLACES
+from gamekeeper.auditing.causes import GLOBALS, HOLDS, RESETS, SPACES
 from gamekeeper.auditing.confirm import Programs, _finding
-from gamekeeper.auditing.held_programs import after_make, has_own_calls, held_still, pruned
+from gamekeeper.auditing.held_programs import SEEDED, after_make, has_own_calls, held_still, pruned
+from gamekeeper.auditing.holds import Hold
+from gamekeeper.checks.paired_episodes import program
+from gamekeeper.checks.reproducer_source import texts_of
 from gamekeeper.checks.verdict import Finding, Reproduced
 
 PROGRAM = """# a check
@@ -72,11 +77,31 @@ def test_own_calls_are_put_in_a_class_only_where_instances_have_them(is_own: boo
     exec(held, {})
 
 
+@pytest.mark.parametrize("hold", [*HOLDS.values(), SEEDED, RESETS, PLACES], ids=lambda x: x.words)
+def test_text_of_a_hold_has_no_types_and_short_signatures_in_one_line(hold: Hold) -> None:
+    """What stands in a program is as its reader would type it."""
+    for text in texts_of(hold.function)[0]:
+        for node in ast.walk(ast.parse(text)):
+            assert not isinstance(node, ast.AnnAssign)
+            if isinstance(node, ast.FunctionDef):
+                arguments = (*node.args.args, *node.args.kwonlyargs)
+                assert [each.annotation for each in arguments] == [None] * len(arguments)
+                assert node.returns is None
+                line = f"{' ' * node.col_offset}def {node.name}({ast.unparse(node.args)}):"
+                assert len(line) > 100 or line in text.replace(" = ", "=")
+
+
+def test_play_takes_what_is_called_between_where_a_line_hands_it_over() -> None:
+    """Elsewhere there is nothing of it."""
+    assert "between" not in program("parallel", "alike(play(make()), play(make()))").lines
+    assert program("aec", "play(make(), between=print)").lines.count("between()") == 2
+
+
 def test_program_that_builds_nothing_or_is_not_python_stays() -> None:
     """There is nothing to hold."""
-    for program in ("assert False\n", "def make(:\n"):
-        assert held_still(program, RESETS) == program
-        assert after_make(program) == ("", program)
+    for text in ("assert False\n", "def make(:\n"):
+        assert held_still(text, RESETS) == text
+        assert after_make(text) == ("", text)
 
 
 def test_what_a_program_does_not_name_is_left_out() -> None:

@@ -382,3 +382,9 @@ def test_sets_are_turned_in_six_episodes(monkeypatch: pytest.MonkeyPatch) -> Non
     found = gather(session, {"other_process"}, died={}, on_probe=lambda *_: None).gathered()
     assert list(asked.values()) == [[4, 7], [4, 7], [4], [7], [4], [7]]
     assert measured(Contract(), found)["deterministic"] is True
+
+
+def test_actions_that_are_objects_are_not_told_to_other_processes() -> None:
+    """No process can be given what only this one has, so none is said to play another episode."""
+    found = audit_here("tests.faults.names:OrdersAreObjects", budget=1_000, select=("GK608",))
+    assert found.of("GK608").outcome == "not_exercised"

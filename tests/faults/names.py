@@ -30,8 +30,7 @@ class Orders(spaces.Space[Any]):
         return isinstance(x, Order)
 
 
-# Another process can't be told of objects either.
-@faulty("GK901", also=("GK608",))
+@faulty("GK901")
 class OrdersAreObjects(Rovers):
     """Rovers are steered by objects that only live in this process.
 

@@ -95,16 +95,23 @@ def _defined(node: ast.stmt) -> Iterator[str]:
 
 
 def draws_seeded(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Seeds the global generators before an environment is built."""
+    """Seeds the global generators before an environment is built, and for its first reset."""
 
-    def built() -> Any:
+    def seed() -> None:
         np.random.seed(764_309)
         random.seed(764_309)
-        return make()
+
+    def built() -> Any:
+        seed()
+        env = make()
+        seed()
+        return env
 
     return built
 
 
-SEEDED: Final = Hold("global generators seeded before an environment is built", draws_seeded)
+SEEDED: Final = Hold(
+    "global generators seeded before and after an environment is built", draws_seeded
+)
 SIMPLER: Final = {GLOBALS: (SEEDED, RESETS), RESETS: (SEEDED,)}
 """Holds that do as well for many programs, the simplest first."""

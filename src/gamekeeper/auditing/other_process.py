@@ -17,7 +17,7 @@ import pyarrow as pa
 
 from gamekeeper.auditing.probe_session import ProbeSession
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.canonical import from_json, to_json
+from gamekeeper.episodes.canonical import from_json, is_exact, to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.opening import open_env
@@ -95,14 +95,20 @@ def worker_of(session: ProbeSession, hash_seed: int) -> WarmWorker:
 def played_elsewhere(
     session: ProbeSession, base: EpisodeResult, hash_seed: int, *, instance: int = 1
 ) -> Episode | None:
-    """The same episode in a new process, by its nth instance; None where it came to nothing."""
+    """The same episode in a new process, by its nth instance; None where it came to nothing.
+
+    So it does where an action is an object, which no other process has.
+    """
+    script = _script_of(base.play)
+    if not all(is_exact(text) for turn in script["turns"] for _, _, text, _ in turn):
+        return None
     session.meter.count(len(base.play.actions or ()))
     with TemporaryDirectory() as folder:
         arguments: dict[str, Any] = {
             "spec": session.spec,
             "kwargs": dict(session.kwargs),
             "contract": session.contract.to_json(),
-            "play": _script_of(base.play),
+            "play": script,
             "folder": folder,
             "instances": instance,
         }

@@ -114,9 +114,10 @@ def program(
     reset: str = "env.reset(seed=seed)",
     unchanged: tuple[str, ...] = TWICE,
 ) -> Reproducer:
-    """A program whose `play(env, seed=SEED, between=...)` gives what was seen, as text by turn.
+    """A program whose `play(env, seed=SEED)` gives what was seen, as text by turn.
 
-    Its `alike(one, other)` raises at the first turn in which two episodes differ. An error of the
+    Where the lines hand it a `between`, that is called before the reset and each step. Its
+    `alike(one, other)` raises at the first turn in which two episodes differ. An error of the
     environment is seen like all else, and ends the episode.
 
     Args:
@@ -128,9 +129,11 @@ def program(
             the environment itself.
     """
     body = _parallel(reset, tells) if api == "parallel" else _aec(reset, tells)
+    is_disturbed = any("between=" in line for line in lines)
+    body = body if is_disturbed else [line for line in body if line.strip() != "between()"]
     told = [
         'np.set_printoptions(threshold=10**9, floatmode="unique")',
-        "def play(env, seed=SEED, between=lambda: None):",
+        f"def play(env, seed=SEED{', between=lambda: None' if is_disturbed else ''}):",
         "    seen = []",
         "    try:",
         *(f"    {line}" for line in body),
@@ -153,14 +156,18 @@ def program(
 
 def _parallel(reset: str, tells: frozenset[str]) -> list[str]:
     cuts = ("", "") if "infos" in tells else ("[:1]", "[:4]")
-    state = ", env.state()" if "state" in tells else ""
+    state = "env.state()" if "state" in tells else ""
     return [
         "    between()",
-        f"    seen.append(({reset}{cuts[0]}{state}))",
+        f"    seen.append({_both(reset + cuts[0], state)})",
         "    for actions in ACTIONS:",
         "        between()",
-        f"        seen.append((env.step(actions){cuts[1]}{state}))",
+        f"        seen.append({_both('env.step(actions)' + cuts[1], state)})",
     ]
+
+
+def _both(given: str, state: str) -> str:
+    return f"({given}, {state})" if state else given
 
 
 def _aec(reset: str, tells: frozenset[str]) -> list[str]:

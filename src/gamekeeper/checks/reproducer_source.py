@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from types import FunctionType, ModuleType
@@ -12,6 +13,9 @@ from gamekeeper.checks.literal import literal
 
 HEADED: Final = {"seed": "SEED", "actions": "ACTIONS"}
 """Arguments that stand at the head of every reproducer."""
+SIGNATURE: Final = re.compile(r"^( *def \w+\()\n +(.*?),?\n *\):$", re.MULTILINE)
+"""A signature whose arguments stand in a line of their own."""
+WIDTH: Final = 100
 BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
 
 
@@ -88,19 +92,24 @@ def _names(function: FunctionType) -> Iterator[str]:
 
 
 def _unannotated(source: str) -> str:
-    """The source without the types of arguments and results."""
+    """The source without types; a signature that fits in a line then stands in one."""
     lines = [line.encode() for line in source.splitlines(keepends=True)]
     starts = [sum(map(len, lines[:at])) for at in range(len(lines))]
     whole = b"".join(lines)
     spans = []
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.arg | ast.FunctionDef):
-            note = node.annotation if isinstance(node, ast.arg) else node.returns
+        if isinstance(node, ast.arg | ast.FunctionDef | ast.AnnAssign):
+            note = node.returns if isinstance(node, ast.FunctionDef) else node.annotation
             if note is not None:
                 first = starts[note.lineno - 1] + note.col_offset
-                sign = b":" if isinstance(node, ast.arg) else b"->"
+                sign = b"->" if isinstance(node, ast.FunctionDef) else b":"
                 last = starts[(note.end_lineno or 0) - 1] + (note.end_col_offset or 0)
                 spans.append((len(whole[: whole.rindex(sign, 0, first)].rstrip()), last))
     for first, last in sorted(spans, reverse=True):
         whole = whole[:first] + whole[last:]
-    return whole.decode()
+    return SIGNATURE.sub(_in_one_line, whole.decode())
+
+
+def _in_one_line(found: re.Match[str]) -> str:
+    line = f"{found[1]}{found[2]}):"
+    return line if len(line) <= WIDTH else found[0]

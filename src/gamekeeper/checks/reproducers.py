@@ -280,7 +280,8 @@ def rewards_add_up(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -
         if not env.agents:
             break
         agent, told = env.agent_selection, env.last()[1]
-        assert np.isclose(told, owed[agent], rtol=1e-5, atol=0), (agent, told, owed[agent])
+        sums = f"turn {turn}: last() of {agent} gives {told}, its rewards are {owed[agent]}"
+        assert np.isclose(told, owed[agent], rtol=1e-5, atol=0), sums
         if turn < len(actions):
             owed[agent] = 0.0  # whoever acts has been told
             env.step(actions[turn])
