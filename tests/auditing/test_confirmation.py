@@ -207,6 +207,15 @@ def test_fault_of_a_lucky_draw_is_shown_by_drawing_the_same_again() -> None:
     assert "make = resets_held(" in verdict.findings[0].reproducer
 
 
+def test_fault_of_a_used_instance_is_shown_by_resets_before() -> None:
+    """A roster that is lent out from the second episode on; what follows is another's fault."""
+    found = audited("LentRoster", "GK102", "GK606")
+    verdict = found.of("GK102")
+    assert (verdict.outcome, verdict.follows_from) == ("failed", None)
+    assert "make = reset_before(" in verdict.findings[0].reproducer
+    assert [each.id for each in found.verdicts if each.outcome == "suspected"] == []
+
+
 def test_finding_that_no_fresh_process_shows_is_suspected() -> None:
     """An observation leaves its space in this process alone: nothing failed, nothing passed."""
     found = audited("OnlyInTests", "GK214")

@@ -203,6 +203,24 @@ def test_the_ended_are_not_blamed_for_chance() -> None:
     assert audited(Chance, budget=800).of("GK526").outcome == "not_exercised"
 
 
+def test_the_ended_are_not_blamed_for_what_use_changes() -> None:
+    """What another episode of the same instance gives is no answer to those who ended."""
+
+    class Worn(Rovers):
+        episodes = 0
+
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            self.episodes += 1
+            return super().reset(seed, options)
+
+        def step(self, actions: dict[str, Any]) -> Any:
+            seen, paid, *rest = super().step({agent: actions[agent] for agent in self.agents})
+            worn = 1.0 if self.episodes > 3 else 0.0
+            return seen, {agent: pay - worn for agent, pay in paid.items()}, *rest
+
+    assert audited(Worn, budget=800).of("GK526").outcome == "not_exercised"
+
+
 class HeardInState(Rovers):
     """What is said in the name of rovers that have ended shows in the state alone."""
 

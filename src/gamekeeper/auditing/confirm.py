@@ -11,6 +11,7 @@ from typing import Final, Literal, TypeAlias
 
 from gamekeeper.auditing.holds import AS_DRAWN, HOLDS, OF_DRAWS, Hold, held_still
 from gamekeeper.auditing.probe_session import TimeUpError
+from gamekeeper.auditing.used_instance import USED
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -54,6 +55,7 @@ class Programs:
         finding: its reproducer is the shortest that was found.
         longer: the reproducer with more and more of the episode that was played, at last all of it.
         compares: two episodes are compared, so that it may be a consequence.
+        plays: an episode from a reset on is played, so that it can be one of a used instance.
         unchanged: without the fault's trigger; empty where there is none.
         wrappers: names of the environment's wrappers, the outermost first.
     """
@@ -63,6 +65,7 @@ class Programs:
     compares: bool
     unchanged: str
     wrappers: tuple[str, ...] = ()
+    plays: bool = False
 
     @property
     def whole(self) -> str:
@@ -377,11 +380,16 @@ def _of_several(
 def _finding(
     each: Programs, holds: Sequence[Hold], work: Confirmation
 ) -> tuple[Finding, Reproduced, bool]:
-    """The finding as it is; where plays differ by themselves, with draws or a cause held still."""
+    """The finding as it is; where plays differ by themselves, with draws or a cause held still.
+
+    What one episode showed may need an instance that was used before.
+    """
     result = work.finding(each)
     if result[2]:
         return result
-    ways = [(hold,) for hold in dict.fromkeys((*holds, *OF_DRAWS))] if each.compares else AS_DRAWN
+    ways: list[tuple[Hold, ...]] = [*AS_DRAWN, *[(USED,)] * each.plays]
+    if each.compares:
+        ways = [(hold,) for hold in dict.fromkeys((*holds, *OF_DRAWS))]
     for held in ways:
         again = work.finding(_with_held(each, held))
         if again[2]:
@@ -398,6 +406,7 @@ def _with_held(each: Programs, holds: Iterable[Hold]) -> Programs:
             compares=each.compares,
             unchanged=held_still(each.unchanged, hold),
             wrappers=each.wrappers,
+            plays=each.plays,
         )
     return each
 
