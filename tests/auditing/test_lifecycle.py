@@ -168,6 +168,21 @@ def test_a_reset_needs_no_argument() -> None:
     assert "reset()" in verdict.findings[0].reproducer
 
 
+@pytest.mark.parametrize(
+    ("kind", "outcome"), [(TypeError, "failed"), (KeyError, "passed"), (ValueError, "passed")]
+)
+def test_an_empty_dictionary_of_options_may_only_lack_entries(kind: Any, outcome: str) -> None:
+    """A reset that takes no options but None is found; one that asks for an entry isn't."""
+
+    class Picky(Rovers):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            if options is not None:
+                raise kind("map")
+            return super().reset(seed)
+
+    assert audited(Picky).of("GK524").outcome == outcome
+
+
 class NeverResets(Rovers):
     """Its reset has a fault of its own."""
 

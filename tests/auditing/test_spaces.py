@@ -15,6 +15,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.result import AuditResult
+from tests.faults.other_agents import LimitOfTheOneInTurn
 from tests.faults.rovers import Rovers
 from tests.faults.traders import Traders
 
@@ -244,6 +245,18 @@ def test_a_space_made_anew_late_in_an_episode_is_found(masked: bool) -> None:
         lambda: Late(spaces.Discrete(2), spaces.Discrete(3), "ab"), "GK202", budget=1500
     ).of("GK202")
     assert verdict.outcome == "failed"
+
+
+def test_observations_in_one_array_are_no_wrong_agents_observations() -> None:
+    """Each is looked at before the next is asked for, which stands in the same array."""
+
+    class OneArray(LimitOfTheOneInTurn):
+        def observe(self, agent: Any) -> Any:
+            self.array = self.__dict__.get("array", np.zeros(self.count + 4, np.float32))
+            self.array[:] = np.append(Traders.observe(self, agent), self.limits[agent])
+            return self.array
+
+    assert audited(OneArray, "GK219", budget=2000).of("GK219").outcome == "passed"
 
 
 def test_observations_far_from_the_start_are_found() -> None:

@@ -2,7 +2,7 @@
 
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from gamekeeper.auditing.holds import AS_DRAWN, HOLDS, OF_DRAWS, Hold, held_still
+from gamekeeper.auditing.judge import NOISE
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.used_instance import USED
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper
@@ -318,7 +319,22 @@ def _confirmed(
                 found[verdict.id] = replace(found[verdict.id], follows_from=FollowsFrom(first))
             elif verdict.id in HOLDS:
                 causes.append(verdict.id)
-    return tuple(found.values())
+    return tuple(_without_chance(found, waiting).values())
+
+
+def _without_chance(
+    found: Mapping[str, Verdict], drafts: Iterable[tuple[Verdict, Sequence[Programs]]]
+) -> dict[str, Verdict]:
+    """The verdicts; comparisons that aren't shown are none, where no seed settles an episode."""
+    verdicts, seeded = dict(found), found.get("GK601")
+    if seeded is None or seeded.outcome != "failed" or seeded.follows_from is not None:
+        return verdicts
+    for id, programs in ((verdict.id, programs) for verdict, programs in drafts):
+        now = verdicts[id]
+        is_chance = now.outcome == "suspected" and now.reason in (FLAKY, UNSTABLE)
+        if is_chance and all(each.compares for each in programs):
+            verdicts[id] = Verdict(id, now.claim, "not_exercised", now.severity, reason=NOISE)
+    return verdicts
 
 
 def _share_until(end_s: float | None, count: int) -> float | None:

@@ -174,7 +174,8 @@ class _Watch:
 
     def _observe(self, turn: int, roster: list[Any]) -> None:
         chosen = getattr(self.env, "agent_selection", None)
-        own = self.session.call("observe", self.env.observe, chosen).value
+        # taken at once: the next observation may stand in the same array
+        one = numbers_in(unmasked(self.session.call("observe", self.env.observe, chosen).value))
         for agent in roster:
             space = self._space(agent)
             if agent == chosen or space is None:
@@ -189,7 +190,7 @@ class _Watch:
                 [each.kind, each.path, each.expected, each.actual, each.test]
                 for each in misfits(space, seen.value)
             ]
-            one, other = (numbers_in(unmasked(each)) for each in (own, seen.value))
+            other = numbers_in(unmasked(seen.value))
             size = len(one) if len(one) == len(other) else 0
             differs = changed_numbers(one, other)
             self._note(OthersView(None, found, size, differs), turn, agent, "observe")
