@@ -6,6 +6,7 @@ A page shows the check's docstring, the faulty environment that fails it, and an
 from __future__ import annotations
 
 import inspect
+import json
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
@@ -20,6 +21,8 @@ from tests.faults import Faulty, environments
 from tests.matrix import audits
 
 WIDTH: Final = 96
+CHECKOUT: Final = f"{Path(__file__).parents[1]}/"
+"""Left out of the pages: files are named from here."""
 
 
 def faulty_by_check() -> dict[str, Faulty]:
@@ -34,7 +37,7 @@ def faulty_by_check() -> dict[str, Faulty]:
 def output_of(id: str) -> str:
     """What an audit of the faulty environment says of its check, with the command."""
     each = faulty_by_check()[id]
-    audit = audits.document(each.env.__name__)
+    audit = json.loads(json.dumps(audits.document(each.env.__name__)).replace(CHECKOUT, ""))
     audit = {**audit, "verdicts": [one for one in audit["verdicts"] if one["id"] == id]}
     command = f"$ gamekeeper audit {each.spec} --select {id}"
     lines = [command]

@@ -25,6 +25,7 @@ Group = Literal[
     "seventh",
     "eighth",
     "ninth",
+    "tenth",
 ]
 
 
@@ -44,7 +45,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *ninth*: likewise, once they were changed by those before."""
+    *second* to *tenth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

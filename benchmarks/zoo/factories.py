@@ -234,7 +234,7 @@ def crazyrl(task: str, agents: int = 3) -> Any:
         "circle": {},
         "surround": {"target_location": target},
         "catch": {"init_target_location": target, "target_speed": 0.1},
-        "escort": {"init_target_location": target, "final_target_location": -target},
+        "escort": {"init_target_location": target, "final_target_location": target * [-1, -1, 1]},
     }
     return of_repository(
         "ffelten+CrazyRL",
@@ -499,3 +499,27 @@ def graph_game(turns: bool = False) -> Any:
     module, factory = ("grag_turn_env", "GRAGTurnEnv") if turns else ("grag_env", "GRAGEnv")
     ring = networkx.cycle_graph(5)
     return of_repository("meedogh+grag-cysec", module, factory, graph=ring)
+
+
+def formation() -> Any:
+    """Drones that fly in formation, with the configuration of its third phase."""
+    import yaml
+
+    study = "Distributed-UAV-Swarm-Formation-Control-via-Object-Focused-Multi-Objective-SARSA"
+    where = f"ahmedmsalah99+{study}"
+    rules = inner_module(where, "", "modules.modules_manager")
+    kinds = {
+        "TGT": rules.TargetSeekModule,
+        "COH": rules.CohesionModule,
+        "ALN": rules.AlignmentModule,
+        "COL": rules.CollisionModule,
+        "OBS": rules.ObstacleAvoidanceModule,
+    }
+    config = yaml.safe_load(Path("configs/train_phase3.yaml").read_text())
+    parts = {}
+    for name, read in config["active_modules"].items():
+        settings = {key: value for key, value in read.items() if key not in ("w", "Qmatrix_path")}
+        parts[name] = kinds[name](weight=read["w"], **settings)
+    make = inner_module(where, "", "uav_env.env.uav_environment").UAVEnvironment
+    flown = config["env"]
+    return make(agents_num=flown["agents_num"], env_params=flown, modules=parts)

@@ -8,7 +8,11 @@ import pytest
 from gamekeeper.checks.verdict import Verdict
 from tests.auditing.kept_workers import keep_workers
 
-CONFIRMED = {"tests.auditing.test_confirmation": 5, "tests.auditing.test_seeds": 1}
+CONFIRMED = {
+    "tests.auditing.test_confirmation": 5,
+    "tests.auditing.test_readings": 1,
+    "tests.auditing.test_seeds": 1,
+}
 """Modules whose reproducers are run, each in so many processes."""
 
 

@@ -8,10 +8,12 @@ from typing import Any
 
 import pytest
 
+from gamekeeper.auditing import gather as gathering_room
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
 from gamekeeper.auditing.gather import gather, session_of
 from gamekeeper.auditing.judge import WANTED, judge
+from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks import check as checks_room
 from gamekeeper.checks.check import LOW, Case, Check, check, checks, selected
@@ -186,6 +188,22 @@ def test_gather_goes_on_without_a_probe_in_which_the_process_died() -> None:
 
     assert [fact.value.text for fact in gathered.facts(ProbeDeath)] == ["died: killed by SIGSEGV"]
     assert "SIGSEGV" in gathered.not_exercised["rollout"]
+
+
+def test_gather_goes_on_where_time_ends_while_it_looks_for_sharing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whether plays differ by what classes share isn't told then; what was seen is judged."""
+
+    def late(gathering: object) -> bool:
+        raise TimeUpError
+
+    monkeypatch.setattr(gathering_room, "differs_by_itself", lambda evidence: True)
+    monkeypatch.setattr(gathering_room, "_is_shared", late)
+    session = session_of(open_env(Rovers), None, spec=Rovers, kwargs={}, seed=0, budget=100)
+    found = gather(session, ["same_seed"], died={}, on_probe=lambda *_: None)
+    assert found.looks["same_seed"]
+    assert not found.is_shared
 
 
 def test_audit_survives_a_process_that_is_killed(tmp_path: Any) -> None:

@@ -129,6 +129,20 @@ def test_rendering_of_an_object_is_filmed_in_its_own_mode() -> None:
     assert {"GK802", "GK804", "GK805"} <= {v.id for v in found.verdicts if v.outcome == "passed"}
 
 
+def test_a_mode_that_metadata_does_not_list_promises_nothing() -> None:
+    """A class that takes any mode is told that the one in use isn't listed, and nothing else."""
+
+    class OnScreen(Rovers):
+        metadata = {**Rovers.metadata, "render_modes": ["human"]}  # noqa: RUF012  # as Gymnasium's
+
+        def render(self) -> Any:
+            raise AttributeError("window")
+
+    found = audited(OnScreen(render_mode="rgb_array"), "GK8")
+    assert found.of("GK822").outcome == "failed"
+    assert found.of("GK802").outcome == "not_exercised"
+
+
 def test_rendering_leaves_the_surroundings_as_they_were() -> None:
     """The driver without a screen is set for the films alone."""
     before = dict(os.environ)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gamekeeper.auditing.audit import audit_here
@@ -237,6 +238,36 @@ def test_a_step_of_another_form_is_found(out: Any, seen: str) -> None:
     assert found.of("GK107").outcome == found.of("GK109").outcome == "not_exercised"
 
 
+def test_possible_agents_in_an_array_are_told_and_stop_no_check() -> None:
+    """An array has no truth: it is named as what it is, and everything else is looked at."""
+
+    class Arrayed(Counting):
+        def __init__(self) -> None:
+            super().__init__()
+            self.possible_agents = np.array(self.possible_agents, object)
+
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            out = super().reset()
+            self.agents = list(self.agents)
+            return out
+
+    found = audit_here(Arrayed, select=("GK114", "GK201", "GK211", "GK601"), budget=400)
+    outcomes = {verdict.id: verdict.outcome for verdict in found.verdicts}
+    assert outcomes == {"GK114": "failed", **dict.fromkeys(("GK201", "GK211", "GK601"), "passed")}
+
+
+def test_infos_that_are_none_are_told_once() -> None:
+    """What isn't a dictionary has no entries that could be missing."""
+
+    class Bare(Counting):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            return super().reset()[0], None
+
+    found = audited(Bare)
+    assert found.of("GK110").findings[0].actual == "infos: NoneType"
+    assert found.of("GK109").outcome != "failed"
+
+
 def test_a_reset_of_another_form_is_found() -> None:
     """Observations alone are the form of before PettingZoo had infos at reset."""
 
@@ -245,22 +276,6 @@ def test_a_reset_of_another_form_is_found() -> None:
             return super().reset()[0]
 
     assert "GK110" in broken(Old)
-
-
-def test_nothing_is_passed_where_no_step_shows_anything() -> None:
-    """Four values from `step`, as before PettingZoo 1.24: plays can't be compared, nor accused."""
-
-    class Older(Counting):
-        def reset(self, seed: int | None = None, options: Any = None) -> Any:
-            return super().reset()[0]
-
-        def step(self, actions: Any) -> Any:
-            return super().step(actions)[:4]
-
-    found = audit_here(Older, select=("GK110", "GK311", "GK601", "GK701", "GK901"), budget=300)
-    outcomes = {verdict.id: verdict.outcome for verdict in found.verdicts}
-    assert outcomes.pop("GK110") == "failed"
-    assert set(outcomes.values()) <= {"not_exercised", "not_applicable"}
 
 
 @pytest.mark.parametrize("book", ["rewards", "terminations", "truncations", "infos"])

@@ -160,6 +160,11 @@ class Unseeded:
     def __init__(self) -> None:
         self.parts = [np.random.default_rng(), random.Random(), np.random.RandomState()]
 
+    @property
+    def unwrapped(self) -> Unseeded:
+        """Is itself, as it has no wrapper."""
+        return self
+
     def reset(self, seed: int | None = None) -> list[float]:
         """One number of each."""
         return self.step(None)
@@ -179,6 +184,35 @@ def test_generators_begin_anew_at_each_reset_where_they_are_held() -> None:
         assert first == [env.reset(), env.step(0)]
     fresh = Unseeded()
     assert fresh.reset() != fresh.reset()
+
+
+class DealsOnce:
+    """Shuffles once, when it is built, and deals on from there."""
+
+    def __init__(self) -> None:
+        self.deck = random.Random().sample(range(1_000), 50)
+        self.dealt = 0
+
+    @property
+    def unwrapped(self) -> DealsOnce:
+        """Is itself, as it has no wrapper."""
+        return self
+
+    def reset(self, seed: int | None = None) -> list[int]:
+        """The next card, and how many were dealt."""
+        self.dealt += 1
+        return [self.deck.pop(), self.dealt]
+
+
+def test_what_a_constructor_drew_is_put_back_at_each_reset_where_it_is_held() -> None:
+    """The deck is as it was in every instance; what nobody drew goes on over resets."""
+    with ExitStack() as put_back:
+        put_back.callback(hold_entropy())
+        held = generators_held(DealsOnce)
+        one, other = held(), held()
+        first = one.reset()
+        assert [first[0], 2] == one.reset()
+        assert first == other.reset()
 
 
 class Sampled(Sound):

@@ -1,5 +1,8 @@
 """Every check on every faulty environment: it fails on its own, on no other, sees a clean one."""
 
+import ast
+from collections.abc import Iterator
+
 import pytest
 
 from gamekeeper.checks.check import checks
@@ -13,7 +16,7 @@ def test_environment_fails_its_own_checks(name: str) -> None:
     """A faulty environment fails its own check, perhaps those declared beside, and no other.
 
     What is no consequence was shown in every fresh process, and without its trigger in none. What
-    a check can't be certain of is suspected.
+    a check can't be certain of is suspected. Each assertion of a program says what it saw.
     """
     each, audit = environments()[name], seen(name)
     doubtful = {id for id, check in checks().items() if check.doubt}
@@ -27,6 +30,7 @@ def test_environment_fails_its_own_checks(name: str) -> None:
     assert (causes != []) == (name not in CLEAN)
     expected = [(each.id, Reproduced(TRIES, TRIES, _passed(each))) for each in causes]
     assert expected == [(each.id, each.reproduced) for each in causes]
+    assert [each for verdict in failed for each in _silent(verdict)] == []
 
 
 def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -> None:
@@ -59,6 +63,14 @@ def test_one_fault_is_one_cause(name: str, consequence: str, cause: str) -> None
     follows = seen(name).of(consequence).follows_from
     assert follows is not None
     assert follows.id == cause
+
+
+def _silent(verdict: Verdict) -> Iterator[str]:
+    """Assertions of its programs that would end them without a word."""
+    for finding in verdict.findings:
+        for node in ast.walk(ast.parse(finding.reproducer or "")):
+            if isinstance(node, ast.Assert) and node.msg is None:
+                yield f"{verdict.id}: {ast.unparse(node)}"
 
 
 def _passed(verdict: Verdict) -> bool | None:

@@ -81,14 +81,23 @@ def test_sarif_suppresses_what_is_waived() -> None:
 
 def test_sarif_points_at_the_line_of_the_class() -> None:
     """Relative to the sources where the file lies inside; else its whole address."""
-    (result, *_) = sarif(mixed(), places=["src/rovers.py"])["runs"][0]["results"]
+    (result, *_) = sarif(mixed(), address=lambda file: f"src/{file}")["runs"][0]["results"]
     place = result["locations"][0]["physicalLocation"]
     assert place["artifactLocation"] == {"uri": "src/rovers.py", "uriBaseId": "%SRCROOT%"}
     assert place["region"] == {"startLine": 12}
-    (result, *_) = sarif(mixed(), places=["file:///x/rovers.py"])["runs"][0]["results"]
+    (result, *_) = sarif(mixed(), address=lambda file: f"file:///x/{file}")["runs"][0]["results"]
     (location,) = result["locations"]
     assert location["physicalLocation"]["artifactLocation"] == {"uri": "file:///x/rovers.py"}
     assert location["logicalLocations"][0]["fullyQualifiedName"] == "rovers.Rovers"
+
+
+def test_sarif_points_at_the_lines_that_do_it() -> None:
+    """Of a finding that knows its lines, each is a place, and that of the class is none."""
+    document = audit(verdict("GK602", "failed", findings=[finding(lines=["a/x.py:7", "b.py:3"])]))
+    (result,) = sarif(document)["runs"][0]["results"]
+    places = [each["physicalLocation"] for each in result["locations"]]
+    assert [each["artifactLocation"]["uri"] for each in places] == ["a/x.py", "b.py"]
+    assert [each["region"]["startLine"] for each in places] == [7, 3]
 
 
 def test_sarif_without_a_file_names_the_environment() -> None:

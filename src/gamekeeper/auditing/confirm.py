@@ -9,9 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from gamekeeper.auditing.holds import AS_DRAWN, HOLDS, OF_DRAWS, Hold, held_still
+from gamekeeper.auditing.causes import AS_DRAWN, HOLDS, OF_DRAWS
+from gamekeeper.auditing.held_programs import SIMPLER, held_still
+from gamekeeper.auditing.holds import Hold
 from gamekeeper.auditing.judge import NOISE
 from gamekeeper.auditing.probe_session import TimeUpError
+from gamekeeper.auditing.reproducer_process import is_of_library
 from gamekeeper.auditing.used_instance import USED
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
@@ -59,6 +62,7 @@ class Programs:
         plays: an episode from a reset on is played, so that it can be one of a used instance.
         unchanged: without the fault's trigger; empty where there is none.
         wrappers: names of the environment's wrappers, the outermost first.
+        has_own_calls: its instances have calls as attributes of their own.
     """
 
     finding: Finding
@@ -67,11 +71,18 @@ class Programs:
     unchanged: str
     wrappers: tuple[str, ...] = ()
     plays: bool = False
+    has_own_calls: bool = False
 
     @property
     def whole(self) -> str:
         """The reproducer with the episode as it was played."""
         return self.longer[-1]
+
+    def held(self, program: str, holds: Iterable[Hold]) -> str:
+        """One of the programs with causes held still."""
+        for hold in holds:
+            program = held_still(program, hold, has_own_calls=self.has_own_calls)
+        return program
 
 
 @dataclass(slots=True)
@@ -128,9 +139,7 @@ class Confirmation:
 
         Where the whole episode raises then, as its actions are of another game, the shortest does.
         """
-        whole, shortest = each.whole, each.finding.reproducer
-        for hold in holds:
-            whole, shortest = held_still(whole, hold), held_still(shortest, hold)
+        whole, shortest = (each.held(p, holds) for p in (each.whole, each.finding.reproducer))
         if self.passes(whole):
             return True
         return self._raised[whole] != "" and whole != shortest and self.passes(shortest)
@@ -177,8 +186,8 @@ class Confirmation:
         is_shown = failed == tried
         finding = self._as_shown(finding) if is_shown else finding
         at = self._raised.get(finding.reproducer, "").partition(" ")[0] if is_shown else ""
-        if at and at not in finding.actual:
-            finding = replace(finding, actual=f"{finding.actual} (raised at {at})")
+        if at and not is_of_library(at):
+            finding = replace(finding, lines=(at,))
         if is_shown and each.unchanged:
             unchanged = is_shown = self.passes(each.unchanged)
         return finding, Reproduced(failed, tried, unchanged), is_shown
@@ -386,7 +395,7 @@ def _of_several(
     """The last of several causes, where every reproducer passes once all are held still."""
     wholes, words = [each.whole for each in programs], ""
     for cause, hold in (each for each in known if each[1].is_general):
-        wholes = [held_still(whole, hold) for whole in wholes]
+        wholes = [each.held(whole, (hold,)) for each, whole in zip(programs, wholes, strict=True)]
         if words and all(map(work.passes, wholes)):
             return FollowsFrom(cause, f"{words}, and {hold.words}")
         words = f"{words}, {hold.words}" if words else hold.words
@@ -409,22 +418,29 @@ def _finding(
     for held in ways:
         again = work.finding(_with_held(each, held))
         if again[2]:
-            return again
+            return _simpler(each, held, work) or again
     return result
 
 
-def _with_held(each: Programs, holds: Iterable[Hold]) -> Programs:
+def _simpler(
+    each: Programs, held: Sequence[Hold], work: Confirmation
+) -> tuple[Finding, Reproduced, bool] | None:
+    """The finding shown by a simpler hold in place of one that shows it; None where none does."""
+    for hold in SIMPLER.get(held[0], ()) if len(held) == 1 else ():
+        again = work.finding(replace(_with_held(each, (hold,)), longer=()))
+        if again[2]:
+            return again
+    return None
+
+
+def _with_held(each: Programs, holds: Sequence[Hold]) -> Programs:
     """The same programs with causes held still in them."""
-    for hold in holds:
-        each = Programs(
-            replace(each.finding, reproducer=held_still(each.finding.reproducer, hold)),
-            tuple(held_still(program, hold) for program in each.longer),
-            compares=each.compares,
-            unchanged=held_still(each.unchanged, hold),
-            wrappers=each.wrappers,
-            plays=each.plays,
-        )
-    return each
+    return replace(
+        each,
+        finding=replace(each.finding, reproducer=each.held(each.finding.reproducer, holds)),
+        longer=tuple(each.held(program, holds) for program in each.longer),
+        unchanged=each.unchanged and each.held(each.unchanged, holds),
+    )
 
 
 def _judged(

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ from gamekeeper.auditing.evidence_memory import EVIDENCE_BYTES, held_bytes, most
 from gamekeeper.auditing.holds import hold_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
+from gamekeeper.auditing.readings import AS_IT_IS, readings_of
 from gamekeeper.checks.paired_episodes import differs_by_itself
 from gamekeeper.checks.probe_evidence import (
     Fact,
@@ -58,6 +59,7 @@ class Gathering:
         cut: probes that ended before they had seen all that their ration allows.
         class_state: what the classes kept before the first episode.
         is_shared: plays differ by that alone, so that it is held still for other probes.
+        is_read: whether the environment has to be read otherwise was looked at.
     """
 
     session: ProbeSession
@@ -71,6 +73,7 @@ class Gathering:
     cut: list[str] = field(default_factory=list)
     class_state: ClassState | None = None
     is_shared: bool = False
+    is_read: bool = False
 
     def for_probe(self, name: str, ration: int) -> ProbeSession:
         """The session of a probe, with what is held still for it."""
@@ -194,7 +197,11 @@ def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, st
     try:
         session.meter.count(0)  # what it saw before stays where no time is left
         gathering.looks[name] = []
-        _probe(gathering, name, probe, int(session.ration * part), int(EVIDENCE_BYTES * part))
+        rations = int(session.ration * part), int(EVIDENCE_BYTES * part)
+        _probe(gathering, name, probe, *rations)
+        if not gathering.is_read and name not in AS_IT_IS and _has_readings(gathering):
+            gathering.looks[name] = []
+            _probe(gathering, name, probe, *rations)
         gathering.not_exercised.pop(name, None)
     except TimeUpError:
         gathering.not_exercised[name] = TIME_UP
@@ -205,7 +212,21 @@ def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, st
         _check_measured(gathering)
     if name == FIRST:
         session.holds_entropy = differs_by_itself(gathering.gathered())
-        gathering.is_shared = session.holds_entropy and _is_shared(gathering)
+        with suppress(TimeUpError):  # too little time to tell
+            gathering.is_shared = session.holds_entropy and _is_shared(gathering)
+
+
+def _has_readings(gathering: Gathering) -> bool:
+    """Tells whether plays show more through readings, with which all go on then."""
+    session, gathering.is_read = gathering.session, True
+    if session.meter.has_begun and session.meter.has_seen:
+        return False
+    session.readings = readings_of(session.opened, session.seed)
+    if session.readings:
+        env = session.make()
+        session.agents = {each.name: each for each in agent_specs(env, session.contract)}
+        session.close()
+    return bool(session.readings)
 
 
 def _is_shared(gathering: Gathering) -> bool:

@@ -8,36 +8,31 @@ import contextlib
 import copy
 import gc
 import inspect
+import pickle
 import random
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from gamekeeper.auditing.class_state import kept_by_classes, put_back
-from gamekeeper.checks.reproducer_source import text_of
-
-MAKE: Final = "\ndef make():\n"
-"""The line before which a reproducer's imports stand, and after which its environment is built."""
-SEED: Final = "\nSEED = "
-"""The line after `make`, before which it is replaced."""
 
 
 def with_class(env: Any, **methods: Any) -> Any:
     """The environment, with these methods in front: of one class for all, or pickle takes none."""
-    cls, main = type(env), vars(sys.modules["__main__"])
-    name, made_of = f"Held{cls.__name__}", (cls, [each.__code__ for each in methods.values()])
+    main, cls = vars(sys.modules["__main__"]), type(env)
+    made_of = cls, [getattr(each, "fget", each).__code__ for each in methods.values()]
+    name = f"Held{cls.__qualname__.rpartition('.')[2]}"  # for pickle; errors name the class's own
+    methods |= {"made_of": made_of, "__module__": "__main__", "__qualname__": name}
     if getattr(main.get(name), "made_of", None) != made_of:
-        main[name] = type(name, (cls,), {**methods, "made_of": made_of, "__module__": "__main__"})
+        main[name] = type(cls.__name__, (cls,), methods)
     env.__class__ = main[name]
     return env
 
 
-def with_methods(
-    make: Callable[[], Any], methods: Callable[[Any], dict[str, Callable[..., Any]]]
-) -> Callable[[], Any]:
+def with_methods(make: Callable[[], Any], methods: Callable[[Any], Any]) -> Callable[[], Any]:
     """Builds the environment, and puts methods in front of those of its class."""
 
     def built() -> Any:
@@ -124,9 +119,11 @@ def resets_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return before_resets(built, seed_all)
 
 
-def hold_entropy() -> Callable[[], None]:
+def hold_entropy(bits: int = 0) -> Callable[[], None]:
     """Gives the same bits whenever a generator asks the system for entropy.
 
+    Args:
+        bits: what is given; other bits make other draws.
     Returns:
         Puts things back.
     """
@@ -134,13 +131,13 @@ def hold_entropy() -> Callable[[], None]:
     own_seed = random.Random.seed
 
     def seeded(self: Any, a: Any = None, version: int = 2) -> None:
-        own_seed(self, 0 if a is None else a, version)
+        own_seed(self, bits if a is None else a, version)
 
     values = [
-        (places[0], "randbits", lambda count: 0),
+        (places[0], "randbits", lambda count: bits),
         (places[1], "seed", seeded),
-        (places[2], "random", lambda self: 0.5),
-        (places[2], "getrandbits", lambda self, k: 0),
+        (places[2], "random", lambda self: 0.5 / (1 + bits)),
+        (places[2], "getrandbits", lambda self, k: bits),
     ]
     before = [(place, name, getattr(place, name)) for place, name, _ in values]
 
@@ -173,11 +170,37 @@ def own_generators(root: Any) -> Iterator[Any]:
             waiting += gc.get_referents(each)
 
 
-def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Restarts the environment's own generators at each reset, and holds the system's entropy."""
+def is_data(value: Any) -> bool:
+    """Tells whether a value is made of numbers, texts and arrays alone."""
+    if isinstance(value, dict):
+        value = [*value, *value.values()]
+    if isinstance(value, list | tuple | set | frozenset):
+        return all(map(is_data, value))
+    return isinstance(value, int | float | str | bytes | np.ndarray | np.generic | None)
+
+
+def drawn_by_constructor(make: Callable[[], Any]) -> dict[str, Any]:
+    """Attributes that are data, and other data where the system's entropy is; held thereafter."""
+    hold_entropy(1)
+    other = vars(make().unwrapped)
     hold_entropy()
+    both = {name: [value, other.get(name)] for name, value in vars(make().unwrapped).items()}
+    return {
+        name: pair[0]
+        for name, pair in both.items()
+        if is_data(pair) and pickle.dumps(pair[0]) != pickle.dumps(pair[1])
+    }
+
+
+def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Restarts the environment's own generators at each reset, and holds the system's entropy.
+
+    What the constructor drew is put back there too: a seed came too late for it.
+    """
+    drawn = drawn_by_constructor(make)
 
     def restart(env: Any) -> None:
+        vars(env.unwrapped).update(copy.deepcopy(drawn))
         for each in own_generators(env):
             if isinstance(each, np.random.RandomState | random.Random):
                 each.seed(0)
@@ -517,83 +540,3 @@ class Hold:
     function: Callable[[Callable[[], Any]], Callable[[], Any]]
     consequences: tuple[str, ...] = ()
     is_general: bool = False
-
-
-GLOBALS: Final = Hold(
-    "global generators seeded before each call", globals_held, ("GK600",), is_general=True
-)
-ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
-GENERATORS: Final = Hold("own generators restarted at each reset", generators_held, is_general=True)
-SPACES: Final = Hold("spaces seeded at each reset", spaces_held, is_general=True)
-INSTANCES: Final = Hold(
-    "a fresh instance for each reset",
-    instances_held,
-    ("GK103", "GK406", "GK506", "GK523", "GK815"),
-    is_general=True,
-)
-CLASSES: Final = Hold(
-    "a copy of what the class keeps for each instance", classes_held, ("GK701", "GK702", "GK703")
-)
-READINGS: Final = Hold(
-    "state() and render() called on a copy", readings_held, ("GK604", "GK607", "GK805", "GK814")
-)
-OBSERVATIONS: Final = Hold("observations copied", observations_held, ("GK614", "GK620", "GK624"))
-INFOS: Final = Hold("infos copied", infos_held, ("GK614", "GK621", "GK624"))
-
-OF_DRAWS: Final = (GLOBALS, ENTROPY)
-"""Held where the same episode differs by itself, so that another fault in it can be shown."""
-RESETS: Final = Hold("global generators seeded before each reset, as in the audit", resets_held)
-AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
-"""Held where an episode shows a fault by what it drew: it draws the same again, as in the audit."""
-HOLDS: Final = {
-    "GK630": Hold("actions copied before they are handed to step", actions_held, is_general=True),
-    "GK602": GLOBALS,
-    "GK638": SPACES,
-    "GK601": GENERATORS,
-    "GK605": ENTROPY,
-    "GK636": READINGS,
-    "GK637": READINGS,
-    "GK814": READINGS,
-    "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
-    "GK102": Hold("possible_agents named anew", rosters_held, ("GK103",), is_general=True),
-    "GK606": INSTANCES,
-    "GK604": INSTANCES,
-    "GK634": Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True),
-    "GK607": CLASSES,
-    "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
-    "GK610": OBSERVATIONS,
-    "GK615": INFOS,
-    "GK614": OBSERVATIONS,
-    "GK611": INFOS,
-    "GK612": Hold("results of state() copied", state_held, ("GK622",)),
-    "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
-    "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
-    "GK303": Hold(
-        "steps of the dead made by `_was_dead_step`", dead_steps_held, ("GK304", "GK407", "GK522")
-    ),
-    "GK107": Hold("missing entries added", missing_held, ("GK108", "GK221", "GK403", "GK527")),
-    "GK109": Hold("missing entries added", missing_held, ("GK527",)),
-    "GK106": Hold(
-        "entries of agents that aren't live deleted",
-        entries_held,
-        ("GK221", "GK402", "GK403", "GK407", "GK520", "GK527"),
-    ),
-    "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),
-}
-"""By the check whose failure is a cause, in the order in which causes are established."""
-
-
-def held_still(program: str, hold: Hold) -> str:
-    """The program with a cause held still in every environment that it builds."""
-    text, modules = text_of(hold.function)
-    make = "make"
-    if with_class.__name__ in text:
-        own, _ = text_of(calls_of_class)
-        text, make = f"{own}\n{text}", f"{calls_of_class.__name__}(make)"
-    imports = "".join(f"import {name}\n" for name in modules)
-    head, found, rest = program.partition(MAKE)
-    body, seed, tail = rest.partition(SEED)
-    if not found or not seed:
-        return program
-    replaced = f"\n{text}\nmake = {hold.function.__name__}({make})\n"
-    return f"{head}\n{imports}{MAKE}{body}{replaced}{seed}{tail}"

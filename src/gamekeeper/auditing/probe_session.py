@@ -11,6 +11,8 @@ from typing import Any, Final, TypeAlias
 
 from gamekeeper.auditing.agent_places import actions_by_place
 from gamekeeper.auditing.class_state import ClassState
+from gamekeeper.auditing.holds import Hold
+from gamekeeper.auditing.readings import AS_IT_IS, through
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
 from gamekeeper.contract import Contract
@@ -60,6 +62,7 @@ class Meter:
         beat: called at each count, as a sign of life.
         until_s: time of the monotonic clock at which the probes end; None: no such time.
         has_played: a step of an episode returned.
+        has_begun: a reset gave an observation.
         has_seen: a step of one of them gave an observation or a reward.
     """
 
@@ -67,6 +70,7 @@ class Meter:
     beat: Callable[[], None] | None = None
     until_s: float | None = None
     has_played: bool = False
+    has_begun: bool = False
     has_seen: bool = False
 
     def count(self, steps: int = 1) -> None:
@@ -114,6 +118,7 @@ class ProbeSession:
         unlike: the first episode that another probe saw differ in an instance that had played it;
             all probes share it.
         by_place: agents are no values, so that scripted actions find them by their place alone.
+        readings: of an environment that has another form than the API's.
     """
 
     probe: str
@@ -133,6 +138,7 @@ class ProbeSession:
     workers: dict[int, WarmWorker] = field(default_factory=dict)
     unlike: list[EpisodePlan] = field(default_factory=list)
     by_place: bool = False
+    readings: tuple[Hold, ...] = ()
     _made: list[Any] = field(default_factory=list)
 
     @property
@@ -153,12 +159,17 @@ class ProbeSession:
         if self.class_state is not None:
             self.class_state.restore()
         if self.opened.make is None:
-            env = open_env(self.spec, **{**self.kwargs, **kwargs}).env
+            built = open_env(self.spec, **{**self.kwargs, **kwargs}).env
         else:
-            env = self.opened.make(**kwargs)
+            built = self.opened.make(**kwargs)
+        env = through(lambda: built, self.readings_for(self.probe))()
         env = actions_by_place(lambda: env)() if self.by_place else env
         self._made.append(env)
         return env
+
+    def readings_for(self, probe: str) -> tuple[Hold, ...]:
+        """Readings of a probe's; none where it looks at the form itself."""
+        return () if probe in AS_IT_IS else self.readings
 
     def close(self) -> None:
         """Closes the instances of the look."""
@@ -231,6 +242,10 @@ class ProbeSession:
                 watch=watch,
                 on_step=self.meter.count,
             )
+        first, *_ = played.episode.turns or (None,)
+        self.meter.has_begun = self.meter.has_begun or bool(
+            first is not None and first.observations
+        )
         self.meter.has_played = self.meter.has_played or len(played.episode.turns) > 1
         self.meter.has_seen = self.meter.has_seen or any(
             turn.rewards or (place and turn.observations)

@@ -3,13 +3,17 @@
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from typing import Any, Final
 
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+
 from gamekeeper.auditing.agent_places import PLACES
+from gamekeeper.auditing.causes import CLASSES, ENTROPY
 from gamekeeper.auditing.confirm import Programs
 from gamekeeper.auditing.gather import OF_ENTROPY, OF_SHARING, Gathering, look_once
-from gamekeeper.auditing.holds import CLASSES, ENTROPY, held_still
+from gamekeeper.auditing.held_programs import has_own_calls, held_still
 from gamekeeper.auditing.judge import Judged, verdict_of
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.snippet import Home, snippet
@@ -71,18 +75,22 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
     proof = Reproducer(case.proof) if isinstance(case.proof, str) else case.proof
     expected, actual = words(case.expected), words(case.actual)
     session = reproduction.gathering.session
-    name, holds = case.where.probe, [PLACES] * session.by_place
+    is_own = has_own_calls(session.opened.env)
+    name = case.where.probe
+    holds = [*session.readings_for(name), *[PLACES] * session.by_place]
     if proof is not None and proof.compares:
         holds += [ENTROPY] * (session.holds_entropy and name not in OF_ENTROPY)
         holds += [CLASSES] * (reproduction.gathering.is_shared and name not in OF_SHARING)
     title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
-    shows += f"\nenvironment: {reproduction.rules}" if reproduction.rules else ""
+    place = ", ".join(case.lines) or reproduction.rules
+    shows += f"\nenvironment: {place}" if place else ""
 
     def program(of: EpisodePlan, proof: Reproducer | None) -> str:
         text = snippet(reproduction.home, session.api, of, proof, title=title, shows=shows)
-        return reduce(held_still, holds, text)
+        return reduce(partial(held_still, has_own_calls=is_own), holds, text)
 
-    finding = Finding(str(case.where), expected, actual, check.fix, program(play, proof))
+    text = program(play, proof)
+    finding = Finding(str(case.where), expected, actual, check.fix, text, case.lines)
     longer = [program(each, proof) for each in longer_episodes(play, begun)]
     unchanged = None if proof is None else unchanged_of(proof)
     return Programs(
@@ -92,6 +100,7 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
         unchanged=program(begun, unchanged) if unchanged else "",
         wrappers=wrappers_of(session.opened.env),
         plays=proof is None or proof.plays,
+        has_own_calls=is_own,
     )
 
 
@@ -176,14 +185,16 @@ def _broken_alike(
 
 
 def _plain(reproduction: Reproduction) -> Mapping[Any, Any]:
-    """A simple action for each agent: the declared noop, else 0 where there is one."""
+    """A simple action for each agent: the declared noop, else 0 or what is next to it."""
     found: dict[Any, Any] = {}
     for agent, spec in reproduction.gathering.session.agents.items():
         space, noop = spec.action_space, spec.noop_action()
         if noop is not None:
             found[agent] = noop
-        elif space is not None and type(space).__name__ == "Discrete":
-            found[agent] = int(space.start)  # type: ignore[attr-defined]  # a Discrete has one
+        elif isinstance(space, Discrete):
+            found[agent] = int(space.start)
+        elif isinstance(space, Box):
+            found[agent] = np.clip(0, space.low, space.high).astype(space.dtype)
     return found
 
 

@@ -7,10 +7,22 @@ from typing import Any, Final
 
 FILE: Final = "<reproducer>"
 NUMPY_TESTING: Final = f"numpy{os.sep}testing"
+LIBRARIES: Final = tuple(
+    os.path.join("", *parts, "") for parts in (("numpy",), ("gymnasium",), ("pettingzoo", "utils"))
+)
+"""Parts of the paths of code that raises for another."""
+
+
+def is_of_library(file: str) -> bool:
+    """Tells whether a file is of a library that raises for the environment's own code."""
+    return any(f"{os.sep}{part}" in file for part in LIBRARIES)
 
 
 def raised_at(error: BaseException) -> str:
-    """File and line that raised it; empty for the program itself, or NumPy's assertion in it."""
+    """File and line that raised it; empty for the program itself, or NumPy's assertion in it.
+
+    Where a library raised it, those of the code that called it, unless that is the program.
+    """
     places, at = [], error.__traceback__
     while at is not None:
         places.append((at.tb_frame.f_code.co_filename, at.tb_lineno))
@@ -20,7 +32,11 @@ def raised_at(error: BaseException) -> str:
             NUMPY_TESTING in places[-1][0] or places[-1][0].endswith("contextlib.py")
         ):
             places.pop()
-    return "" if not places or places[-1][0] == FILE else f"{places[-1][0]}:{places[-1][1]}"
+    own = [each for each in places if each[0] != FILE and not is_of_library(each[0])]
+    if not places or places[-1][0] == FILE:
+        return ""
+    file, line = own[-1] if own else places[-1]
+    return f"{file}:{line}"
 
 
 def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:

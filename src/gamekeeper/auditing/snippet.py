@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any, Final
 
+from gamekeeper.auditing.held_programs import pruned
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.reproducer_source import text_of
@@ -86,6 +87,8 @@ def snippet(
 ) -> str:
     """A program that plays `play` and raises as long as the fault is there.
 
+    What its lines don't name is left out.
+
     Args:
         where: how to get the environment.
         api: `aec` or `parallel`.
@@ -119,7 +122,7 @@ def snippet(
         *(_course(api, play) if proof.plays else ()),
         *proven.splitlines(),
     ]
-    return "\n".join(lines) + "\n"
+    return pruned("\n".join(lines) + "\n")
 
 
 def _by_text(lines: str, play: EpisodePlan) -> str:
@@ -136,8 +139,8 @@ def _actions(play: EpisodePlan, api: str) -> str:
     line = "[" + ", ".join(texts) + "]"
     if len(line) <= WIDTH:
         return line
-    if len(set(texts)) == 1:
-        return f"[{texts[0]}] * {len(texts)}"
+    if len(set(texts)) == 1:  # an environment may write into a dictionary or an array
+        return f"[{texts[0]} for _ in range({len(texts)})]"
     return "[\n" + "".join(f"    {text},\n" for text in texts) + "]"
 
 

@@ -34,14 +34,19 @@ def place_of(source: Mapping[str, Any]) -> str:
     return f"{file}:{line}" if file and line else str(file or "")
 
 
+def own_packages(env: Any) -> frozenset[str]:
+    """Names of the packages of an environment's classes, those of what it wraps included."""
+    classes = (*type(env).__mro__, *class_of(env).__mro__)
+    return frozenset(cls.__module__.partition(".")[0] for cls in classes)
+
+
 def installed_modules(env: Any, before: Collection[str]) -> tuple[str, ...]:
     """Modules of installed packages that came with an environment, but for its own package's.
 
     Args:
         before: names of the modules that were loaded before it.
     """
-    classes = (*type(env).__mro__, *class_of(env).__mro__)
-    own = {cls.__module__.partition(".")[0] for cls in classes}
+    own = own_packages(env)
     folders = tuple(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))
     found = []
     for name, module in list(sys.modules.items()):

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Sequence
 
-from gamekeeper.auditing.holds import SEED
+from gamekeeper.auditing.held_programs import after_make
 
 
 def within(program: str, depth: int) -> str:
     """The program with so many of the outermost wrappers left out."""
-    head, seed, tail = program.partition(SEED)
+    head, tail = after_make(program)
     inner = f"\ndef within():\n    return whole(){'.env' * depth}\n\nwhole, make = make, within\n"
-    return f"{head}{inner}{seed}{tail}"
+    return f"{head}{inner}{tail}"
 
 
 def faulty_wrapper(

@@ -49,6 +49,7 @@ class Case:
         proof: lines that raise while the fault is there; text stands for `Reproducer(text)`.
         confidence: how sure it is, in (0, 1]; None: as sure as the check in general.
         severity: how bad it is; None: as bad as the check in general.
+        lines: lines of the environment that do it, as `file:line`, where they are known.
     """
 
     where: Where
@@ -58,6 +59,7 @@ class Case:
     proof: Reproducer | str | None = None
     confidence: float | None = None
     severity: Severity | None = None
+    lines: tuple[str, ...] = ()
 
 
 Cases: TypeAlias = Iterator[Case]

@@ -5,11 +5,21 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from gamekeeper.checks.facts.episode_facts import TurnRosters
+from gamekeeper.checks.facts.surface_facts import ReturnedForms
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
 
 FLAGS: Final = ("terminated", "truncated")
+
+
+def tells_both_flags(evidence: ProbeEvidence) -> bool:
+    """Tells whether steps return both flags, and not all another form, of which GK110 tells.
+
+    Where all do, a reading makes the flags up, and can't tell terminations from truncations.
+    """
+    steps = [wrong for fact in evidence.facts(ReturnedForms) for wrong in fact.value.calls[1:]]
+    return not steps or not all(steps)
 
 
 def ended_in(turn: Turn) -> frozenset[str]:

@@ -53,9 +53,15 @@ def reproducer_of(
     )
 
 
-@cache
 def text_of(function: Callable[..., Any]) -> tuple[str, tuple[str, ...]]:
     """Source of a function and of those that it calls, and the modules that they need."""
+    texts, modules = texts_of(function)
+    return "\n\n".join(texts) + "\n", modules
+
+
+@cache
+def texts_of(function: Callable[..., Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Sources of a function and of those that it calls, one each, and the modules they need."""
     functions: dict[Callable[..., Any], None] = {}
     modules: set[str] = set()
 
@@ -71,8 +77,8 @@ def text_of(function: Callable[..., Any]) -> tuple[str, tuple[str, ...]]:
                 collect(value)
 
     collect(function)
-    texts = (_unannotated(inspect.getsource(each)) for each in reversed(functions))
-    return "\n\n".join(text.rstrip() for text in texts) + "\n", tuple(sorted(modules))
+    texts = (_unannotated(inspect.getsource(each)).rstrip() for each in reversed(functions))
+    return tuple(texts), tuple(sorted(modules))
 
 
 def _names(function: FunctionType) -> Iterator[str]:

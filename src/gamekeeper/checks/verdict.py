@@ -32,6 +32,7 @@ class Finding:
         actual: what was there, in words.
         fix: what the author can do about it.
         reproducer: a Python program that raises as long as the fault is there.
+        lines: lines of the environment that do it, as `file:line`, where they are known.
     """
 
     where: str
@@ -39,13 +40,20 @@ class Finding:
     actual: str
     fix: str
     reproducer: str
+    lines: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return asdict(self)
+        return {**asdict(self), "lines": list(self.lines)}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Finding:
+        """The finding from plain data."""
+        return cls(**{**data, "lines": tuple(data["lines"])})
 
     def _repr_html_(self) -> str:
         rows = [[name, getattr(self, name)] for name in ("where", "expected", "actual", "fix")]
+        rows.insert(3, ["lines", ", ".join(self.lines)])
         return html_table([["Finding", ""], *rows]) + html_text(f"Reproducer\n{self.reproducer}")
 
 
@@ -153,7 +161,7 @@ class Verdict:
         """The verdict from plain data."""
         reproduced, cause = data["reproduced"], data["follows_from"]
         nested = {
-            "findings": tuple(Finding(**finding) for finding in data["findings"]),
+            "findings": tuple(map(Finding.from_json, data["findings"])),
             "reproduced": None if reproduced is None else Reproduced(**reproduced),
             "follows_from": None if cause is None else FollowsFrom(**cause),
         }

@@ -345,13 +345,11 @@ def sarif_of(*documents: Mapping[str, Any]) -> str:
     """The audits as SARIF; source files inside the current folder are named from there."""
     from gamekeeper.reporting.audit_formats import sarif_json
 
-    places: list[str | None] = []
-    for document in documents:
-        file = (document.get("source") or {}).get("file")
-        inside = None if file is None else _from_here(file)
-        absolute = None if file is None else Path(file).absolute().as_uri()
-        places.append(quote(inside) if inside is not None else absolute)
-    return sarif_json(list(documents), version=__version__, places=places)
+    def address(file: str) -> str:
+        inside = _from_here(file)
+        return Path(file).absolute().as_uri() if inside is None else quote(inside)
+
+    return sarif_json(list(documents), version=__version__, address=address)
 
 
 def _from_here(file: str) -> str | None:

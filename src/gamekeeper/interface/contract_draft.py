@@ -18,6 +18,7 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.spaces.nesting import check_extent
 from gamekeeper.errors import ContractError, GamekeeperError
 from gamekeeper.interface.authoring import Authored
+from gamekeeper.interface.env_source import possible_agents_of
 
 __all__ = ["agent_specs", "draft_contract", "draft_questions", "open_questions", "spaces_of"]
 
@@ -54,7 +55,9 @@ def draft_contract(env: Env) -> Contract:
     return Contract(
         name=name if isinstance(name, str) and can_be_told(name) else None,
         api=_api(env),
-        roles=_roles({agent_name(agent): spaces_of(env, agent) for agent in _roster(env)}),
+        roles=_roles(
+            {agent_name(agent): spaces_of(env, agent) for agent in possible_agents_of(env)}
+        ),
         **(own.known_sections() if isinstance(own, Authored) else {}),
     )
 
@@ -67,7 +70,7 @@ def agent_specs(env: Env, contract: Contract) -> tuple[AgentSpec, ...]:
     """
     found: list[AgentSpec] = []
     mistakes: dict[str, GamekeeperError] = {}
-    for agent in _roster(env):
+    for agent in possible_agents_of(env):
         seen, done = spaces_of(env, agent)
         try:
             found.append(agent_spec(contract, agent, observation_space=seen, action_space=done))
@@ -109,11 +112,6 @@ def _api(env: object) -> str:
         actual=f"{type(env).__module__}.{type(env).__qualname__}",
         fix="hand over the environment that its factory returns",
     )
-
-
-def _roster(env: Env) -> list[Any]:
-    """The possible agents; none where they are only known after reset."""
-    return list(getattr(env, "possible_agents", ()) or ())
 
 
 def spaces_of(env: Env, agent: object) -> Kind:

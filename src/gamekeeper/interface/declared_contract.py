@@ -17,7 +17,7 @@ from gamekeeper.errors import ContractError, GamekeeperError
 from gamekeeper.interface.authoring import Authored
 from gamekeeper.interface.contract_draft import agent_specs, spaces_of
 from gamekeeper.interface.conversion import is_parallelizable
-from gamekeeper.interface.env_source import Opened, api_of
+from gamekeeper.interface.env_source import Opened, api_of, possible_agents_of
 
 MOST_AGENTS: Final = 12
 """Agents that an error names."""
@@ -33,7 +33,7 @@ def check_fit(contract: Contract, opened: Opened) -> None:
     Raises:
         ContractError: lists each such declaration.
     """
-    agents = [agent_name(each) for each in getattr(opened.env, "possible_agents", None) or ()]
+    agents = [agent_name(each) for each in possible_agents_of(opened.env)]
     is_default = not opened.identity.get("kwargs")
     mistakes = [*_name_mistakes(contract, opened), *_api_mistakes(contract, opened)]
     if agents:

@@ -85,6 +85,12 @@ class Opener(Protocol):
         """
 
 
+def possible_agents_of(env: Any) -> list[Any]:
+    """Possible agents in a list, whatever holds them; empty where only a reset names them."""
+    agents = getattr(env, "possible_agents", None)
+    return [] if agents is None else list(agents)
+
+
 def api_of(env: object) -> str | None:
     """`aec`, `parallel`, or None for what is no PettingZoo environment."""
     if isinstance(env, ParallelEnv):

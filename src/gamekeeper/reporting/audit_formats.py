@@ -5,7 +5,7 @@ Source: the schema that Jenkins and GitLab read, https://github.com/testmoapp/ju
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 from xml.etree import ElementTree as Tree
 
@@ -108,25 +108,24 @@ KINDS: Final = {"failed": "fail", "waived": "fail"}
 
 
 def sarif_json(
-    audits: Sequence[Document], *, version: str, places: Sequence[str | None] = ()
+    audits: Sequence[Document], *, version: str, address: Callable[[str], str] = str
 ) -> str:
     """The document: a run with a rule for each check, a result for each finding.
 
     Waived findings are results too, suppressed with the contract's reason.
 
     Args:
-        places: for each audit the address of the file with its rules: relative to the root of the
-            sources where it lies inside, else absolute; None where there is no file.
+        address: gives the address of a file: relative to the root of the sources where it lies
+            inside, else absolute.
     """
-    where = [*places, *[None] * (len(audits) - len(places))]
     rules = _rules(audits)
     numbers = {rule["id"]: number for number, rule in enumerate(rules)}
     results = [
         result
-        for audit, place in zip(audits, where, strict=True)
+        for audit in audits
         for verdict in audit["verdicts"]
         if verdict["outcome"] in KINDS
-        for result in _results(audit, verdict, numbers, place)
+        for result in _results(audit, verdict, numbers, address)
     ]
     driver = {"name": "gamekeeper", "semanticVersion": version, "rules": rules}
     failed = any(x["outcome"] == "error" for audit in audits for x in audit["verdicts"])
@@ -154,14 +153,21 @@ def _rules(audits: Sequence[Document]) -> list[dict[str, Any]]:
 
 
 def _results(
-    audit: Document, verdict: Document, numbers: Mapping[str, int], place: str | None
+    audit: Document, verdict: Document, numbers: Mapping[str, int], address: Callable[[str], str]
 ) -> list[dict[str, Any]]:
     findings = verdict["findings"] or [dict.fromkeys(("where", "expected", "actual", "fix"), "")]
-    return [_result(audit, verdict, each, numbers[verdict["id"]], place) for each in findings]
+    number = numbers[verdict["id"]]
+    return [
+        _result(audit, verdict, each, number, _locations(audit, each, address)) for each in findings
+    ]
 
 
 def _result(
-    audit: Document, verdict: Document, finding: Document, number: int, place: str | None
+    audit: Document,
+    verdict: Document,
+    finding: Document,
+    number: int,
+    locations: Sequence[Document],
 ) -> dict[str, Any]:
     name = f"{audit['environment']} ({audit['api']})"
     # Without agent and turn: `rewards` of `rollout/7, turn 8, rewards['rover_1']`.
@@ -172,7 +178,7 @@ def _result(
         "kind": KINDS[verdict["outcome"]],
         "level": LEVELS[verdict["severity"]],
         "message": {"text": _message(verdict, finding)},
-        "locations": [_location(audit, finding, place)],
+        "locations": list(locations),
         # The turn of a finding moves with every change of a rule; the field stays.
         "partialFingerprints": {"check/v1": f"{verdict['id']}:{name}:{field}"},
         "properties": {
@@ -195,18 +201,26 @@ def _message(verdict: Document, finding: Document) -> str:
     return " ".join(parts)
 
 
-def _location(audit: Document, finding: Document, place: str | None) -> dict[str, Any]:
+def _locations(
+    audit: Document, finding: Document, address: Callable[[str], str]
+) -> list[dict[str, Any]]:
+    """The lines that do it, where they are known; else that of the environment's class."""
     source = audit.get("source") or {}
     logical: dict[str, Any] = {"name": audit["environment"], "kind": "module"}
     if "class" in source:
         logical |= {"fullyQualifiedName": source["class"], "kind": "type"}
-    location: dict[str, Any] = {"logicalLocations": [logical]}
-    if place is not None:
-        artifact: dict[str, Any] = {"uri": place}
-        if ":" not in place:
-            artifact["uriBaseId"] = "%SRCROOT%"
-        region = {"startLine": max(int(source.get("line", 1)), 1)}
-        location["physicalLocation"] = {"artifactLocation": artifact, "region": region}
+    common: dict[str, Any] = {"logicalLocations": [logical]}
     if finding["where"]:
-        location["message"] = {"text": finding["where"]}
-    return location
+        common["message"] = {"text": finding["where"]}
+    places = [line.rpartition(":") for line in finding.get("lines") or ()]
+    if not places and "file" in source:
+        places = [(source["file"], ":", source.get("line", 1))]
+    return [
+        {**common, "physicalLocation": _physical(address(file), max(int(line), 1))}
+        for file, _, line in places
+    ] or [common]
+
+
+def _physical(uri: str, line: int) -> dict[str, Any]:
+    base = {} if ":" in uri else {"uriBaseId": "%SRCROOT%"}
+    return {"artifactLocation": {"uri": uri, **base}, "region": {"startLine": line}}

@@ -97,7 +97,9 @@ def _worst(cause: Document, failed: Sequence[Document]) -> str:
 def _minor(verdict: Document) -> Row:
     """A cause of low severity in one line."""
     first = (verdict["findings"] or [{}])[0]
-    return verdict["id"], _short(f"{broken_rule(verdict)} Actual: {first.get('actual', '')}")
+    facts = finding_facts(first)
+    at = f" (at {facts['lines']})" if "lines" in facts else ""
+    return verdict["id"], _short(f"{broken_rule(verdict)} Actual: {facts.get('actual', '')}{at}")
 
 
 def _consequence(verdict: Document) -> Row:
@@ -177,12 +179,19 @@ def broken_rule(verdict: Document) -> str:
     return f"Should hold: {verdict.get('claim', '')}"
 
 
+def finding_facts(finding: Document) -> dict[str, str]:
+    """Parts of a finding in words, by their names: where, expected, actual, lines, fix."""
+    facts = {**finding, "lines": ", ".join(finding.get("lines") or ())}
+    names = "where", "expected", "actual", "lines", "fix"
+    return {name: str(facts[name]) for name in names if facts.get(name)}
+
+
 def _finding(verdict: Document, width: int) -> str:
     """One failed check: the broken rule, the first place in full, the others named."""
     start = f"{INDENT}{verdict['id']}  "
     rule = wrapped(one_line(broken_rule(verdict)), width, first=start, rest=" " * len(start))
     first, *others = verdict["findings"] or [{}]
-    rows = [(name, _short(first.get(name, ""))) for name in ("where", "expected", "actual", "fix")]
+    rows = [(name, _short(text)) for name, text in finding_facts(first).items()]
     rows += [("also", _short(f"{x['where']}: actual {x['actual']}")) for x in others]
     rows.append(("seen", _cases(verdict)))
     lines = table_lines([row for row in rows if row[1]], width=width - len(INDENT))

@@ -189,8 +189,9 @@ def shrink(
 ) -> EpisodePlan:
     """The shortest play found that `still` shows it; the episode itself where nothing shorter does.
 
-    First the tail goes, then turns in between, then actions become plain ones. A live agent whose
-    action went with its turn takes a plain one, else its first, as `stand_ins` of the episode say.
+    First the tail goes, then all actions become plain ones where that shows it, then turns in
+    between go, then single actions become plain. A live agent whose action went with its turn takes
+    a plain one, else its first, as `stand_ins` of the episode say.
     `still` is asked as long as it answers; whoever has had enough answers no.
 
     Args:
@@ -205,6 +206,9 @@ def shrink(
     if turns is not None and turns < len(actions):
         cut = _with(play, actions[:turns])
         play = cut if still(cut) else play
+    simple = _with(play, _simple(play, plain or {}))
+    if plain and still(simple):
+        return _without_turns(simple, still)
     return _plainer(_without_turns(play, still), still, plain or {})
 
 
@@ -220,8 +224,9 @@ def _with(play: EpisodePlan, actions: tuple[Actions, ...]) -> EpisodePlan:
 
 
 def _without_turns(play: EpisodePlan, still: Still) -> EpisodePlan:
-    """Leaves out runs of turns, long ones first."""
+    """Leaves out runs of turns, long ones first; of equal turns it is the same which go."""
     actions = play.actions or ()
+    are_equal = all(map(_is_same, actions, actions[1:]))
     size = max(len(actions) // 2, 1) if actions else 0
     while size:
         start = 0
@@ -230,19 +235,28 @@ def _without_turns(play: EpisodePlan, still: Still) -> EpisodePlan:
             if still(_with(play, shorter)):
                 actions = shorter
             else:
-                start += size
+                start += len(actions) if are_equal else size
         size //= 2
     return _with(play, actions)
 
 
+def _is_same(one: Actions, other: Actions) -> bool:
+    """Tells whether two turns hold the very same actions."""
+    return one.keys() == other.keys() and all(one[agent] is other[agent] for agent in one)
+
+
+def _simple(play: EpisodePlan, plain: Mapping[Any, Any]) -> tuple[Actions, ...]:
+    """The turns with a plain action in place of each but those of the ended."""
+    return tuple(
+        {agent: a if a is None else plain.get(agent, a) for agent, a in each.items()}
+        for each in play.actions or ()
+    )
+
+
 def _plainer(play: EpisodePlan, still: Still, plain: Mapping[Any, Any]) -> EpisodePlan:
     """Plain actions in place of drawn ones: everywhere at once, else turn by turn."""
-    actions = list(play.actions or ())
-    simple = [
-        {agent: a if a is None else plain.get(agent, a) for agent, a in each.items()}
-        for each in actions
-    ]
-    whole = _with(play, tuple(simple))
+    actions, simple = list(play.actions or ()), _simple(play, plain)
+    whole = _with(play, simple)
     if len(simple) and still(whole):
         return whole
     for place, each in enumerate(simple):

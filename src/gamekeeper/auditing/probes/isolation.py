@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
+from gamekeeper.auditing.draw_places import OwnCode, moving_lines
 from gamekeeper.auditing.meeting import meeting
 from gamekeeper.auditing.other_process import (
     ROSTERS,
@@ -74,10 +75,15 @@ def generators(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         env = session.env()
         notice("make", 0)
         base = session.play(play, env, watch=watch)
+    lines: dict[str, list[str]] = {}
+    if moved and play.stream < DISTURBED:
+        with moving_lines(OwnCode.of(env), moved) as lines:
+            session.fresh(base.play)
     for name in sorted(seen):
         if name in moved:
             call, turn = moved[name]
-            yield session.fact(MovedGenerator(name, call), turn=turn, field=name)
+            used = MovedGenerator(name, call, tuple(lines.get(name, ())))
+            yield session.fact(used, turn=turn, field=name)
         else:
             yield session.fact(UnmovedGenerator(name), field=name)
     if not moved and play.stream >= DISTURBED:
@@ -156,11 +162,14 @@ MOST_PROCESSES: Final = 12
 
 
 OBJECTS: Final = "agents are objects that no other process knows"
+READ: Final = "no other process reads what has another form than the API's"
 
 
 def against(session: ProbeSession) -> str | None:
     """Only what is named by text can be opened elsewhere, and only agents that are values named."""
-    return reason_against(session) or (OBJECTS if session.by_place else None)
+    if session.by_place:
+        return reason_against(session) or OBJECTS
+    return reason_against(session) or (READ if session.readings else None)
 
 
 def _other_process_plays(session: ProbeSession) -> Iterator[EpisodePlan]:

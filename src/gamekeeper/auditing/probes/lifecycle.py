@@ -113,10 +113,12 @@ def refuses(action: Any) -> Reproducer:
     """A dead agent's action raises."""
     return Reproducer(
         f"try:\n    env.step({literal(action)})\nexcept Exception:\n    was_refused = True\n"
-        "else:\n    was_refused = False\nassert was_refused"
+        "else:\n    was_refused = False\n"
+        "assert was_refused, 'an action was taken of an agent that has ended'"
     )
 
 
+HAS_AGENTS: Final = "assert env.agents, 'there is no agent after the reset'\n"
 ENDED: Final = "if env.last()[2] or env.last()[3]:\n    "
 
 
@@ -134,7 +136,7 @@ def begins(api: str, resets: int, turns: Sequence[Mapping[Any, Any]]) -> Reprodu
     seen = (
         "" if api == "parallel" else "if env.agents:\n    env.last()\n"
     )  # what the last step left
-    return Reproducer("env.reset(seed=SEED)\n" * resets + "assert env.agents\n" + steps + seen)
+    return Reproducer("env.reset(seed=SEED)\n" * resets + HAS_AGENTS + steps + seen)
 
 
 PARTS: Final = (0.6, 0.2)

@@ -11,6 +11,7 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable
 from gamekeeper.auditing.probes.state_calls import form_of, space_of
+from gamekeeper.auditing.probes.surface import limits_of
 from gamekeeper.checks.facts.episode_facts import (
     AgentNames,
     RaisedCall,
@@ -24,6 +25,7 @@ from gamekeeper.checks.literal import is_value
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.env_source import possible_agents_of
 from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.memory import MemorySink
@@ -36,13 +38,20 @@ SHORT_PLAYS: Final = 16
 """Further episodes, where the first ones ended early and left steps to spend."""
 
 
-@probe(
-    "rollout",
-    share=6.0,
-    plays=lambda session: session.plays_of(
-        [max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS)
-    ),
-)
+def _rollout_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
+    """Equal ones; where a limit of time lies beyond these, a first one that comes to it.
+
+    At most half of the ration is for that one.
+    """
+    agents = max(len(session.agents), 1) if session.api == "aec" else 1
+    usual = max(session.ration // PLAYS, 20)
+    whole = [agents * (limit + 1) for limit in limits_of(session.opened.env).values()]
+    first = max((each for each in whole if usual < each <= session.ration // 2), default=usual)
+    rest = usual if first == usual else max((session.ration - first) // (PLAYS - 1), 20)
+    return session.plays_of([first, *[rest] * (PLAYS - 1 + SHORT_PLAYS)])
+
+
+@probe("rollout", share=6.0, plays=_rollout_plays)
 def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rollouts from several seeds with random legal actions, long enough to see endings.
 
@@ -108,7 +117,7 @@ def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     names: dict[Any, list[str]] = {}
 
     def watch(turn: int, env: Any, out: Any) -> None:
-        for agent in [*(getattr(env, "possible_agents", None) or ()), *env.agents]:
+        for agent in [*possible_agents_of(env), *env.agents]:
             names.setdefault(agent, [str(agent), type(agent).__name__])
 
     base = session.play(play, env, watch=watch)

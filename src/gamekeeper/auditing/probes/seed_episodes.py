@@ -5,9 +5,11 @@ from dataclasses import replace
 from hashlib import blake2b
 from typing import Any, Final
 
+from gamekeeper.auditing.draw_places import OwnCode, entropy_lines
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.checks.facts.seed_facts import (
+    AskedEntropy,
     EpisodeBefore,
     EpisodeElsewhere,
     LaterSeeds,
@@ -42,11 +44,17 @@ def same_seed(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Counterfactuals by `change`: `nothing`; `the global generators`, which start from another state;
     in the first episode also `empty options`, whose unchanged
     rerun is that, and `the time of day`, where nothing else made a difference.
+
+    Facts:
+        `AskedEntropy`.
     """
     base = session.fresh(play)
-    again = session.fresh(base.play)
+    with entropy_lines(OwnCode.of(session.opened.env)) as lines:
+        again = session.fresh(base.play)
     same = session.beside(base.episode, base.episode, again.episode, {"change": "nothing"})
     yield same
+    if lines:
+        yield session.fact(AskedEntropy(tuple(lines)))
     if same.divergence is None:
         with held(OTHERWISE):
             elsewhere = session.play(base.play, session.env(), hold=False)

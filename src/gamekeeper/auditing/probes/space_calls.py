@@ -26,6 +26,7 @@ from gamekeeper.checks.probe_evidence import Fact
 from gamekeeper.checks.spaces.observed_agents import unmasked
 from gamekeeper.episodes.canonical import shown, type_name
 from gamekeeper.episodes.spaces.misfit import faults, kept, misfits, same
+from gamekeeper.interface.env_source import possible_agents_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.interventions.action_substitutes import Held
 
@@ -69,16 +70,14 @@ def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         return
     watch = _Watch(session, env)
     if session.can_make:
-        watch.ask_all(list(getattr(env, "possible_agents", None) or ()), "before reset", 0)
+        watch.ask_all(possible_agents_of(env), "before reset", 0)
     played = session.play(play, env, watch=watch, state=False)
-    watch.ask_all(
-        list(getattr(env, "possible_agents", None) or ())[:MOST_AGENTS], "after the episode", None
-    )
+    watch.ask_all(possible_agents_of(env)[:MOST_AGENTS], "after the episode", None)
     if played.failed is None:
         after = None if play.seed is None else play.seed + 1
         if session.call("reset", env.reset, seed=after).failed is None:
             session.meter.count()
-            possible = list(getattr(env, "possible_agents", None) or env.agents)
+            possible = possible_agents_of(env) or list(env.agents)
             watch.ask_all(possible, "after another reset", None)
     yield from watch.facts
 

@@ -6,7 +6,13 @@ from typing import Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
-from gamekeeper.checks.ended_agents import ended_in, is_twofold, may_leave, plays_with_rosters
+from gamekeeper.checks.ended_agents import (
+    ended_in,
+    is_twofold,
+    may_leave,
+    plays_with_rosters,
+    tells_both_flags,
+)
 from gamekeeper.checks.facts.space_facts import NumpyFlag
 from gamekeeper.checks.facts.surface_facts import FlaggedAgents, LiveRosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -91,7 +97,7 @@ assert not silent, silent"""),
 }
 
 
-@check("GK501", HIGH, "rollout", looks_at="an agent that leaves `agents`")
+@check("GK501", HIGH, "rollout", "surface", looks_at="an agent that leaves `agents`")
 def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
 
@@ -105,6 +111,8 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases
     Fix: set the agent's termination or truncation in the step that takes it out of `agents`, or
     declare may_leave for its role
     """
+    if not tells_both_flags(evidence):
+        return
     left = _left_a_turn if evidence.api == "aec" else _left_a_tick
     for episode, turn, agent, has_ended in left(evidence):
         if not may_leave(contract, agent):
@@ -142,7 +150,12 @@ assert env.agents or not silent, silent"""
 
 
 @check(
-    "GK502", HIGH, "rollout", api="parallel", looks_at="an agent that ends while others are live"
+    "GK502",
+    HIGH,
+    "rollout",
+    "surface",
+    api="parallel",
+    looks_at="an agent that ends while others are live",
 )
 def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Ending one agent empties `agents` only where the others terminate or truncate too.
@@ -157,6 +170,8 @@ def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeE
     Fix: where one agent's end is the end for all, terminate (or truncate) all of them in that step;
     else keep the others in `agents`
     """
+    if not tells_both_flags(evidence):
+        return
     if not all(has_ended for *_, has_ended in _left_a_tick(evidence)):
         return  # they leave without a flag at other times too, of which GK501 tells
     for episode in evidence["rollout"]:

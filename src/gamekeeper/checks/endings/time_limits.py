@@ -6,7 +6,7 @@ from typing import Any
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
-from gamekeeper.checks.ended_agents import ticks_before
+from gamekeeper.checks.ended_agents import tells_both_flags, ticks_before
 from gamekeeper.checks.facts.surface_facts import TimeLimits
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -32,6 +32,7 @@ CUT = {
     "GK507",
     HIGH,
     "rollout",
+    "surface",
     applies=lambda c, _: "no horizon is declared" if c.schedule.horizon is None else None,
     looks_at="an episode that reaches the declared horizon: a larger --budget takes more steps",
 )
@@ -53,6 +54,8 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
     Fix: set truncations, not terminations, for all who are left in the tick that fills the declared
     horizon; or declare the horizon as it is
     """
+    if not tells_both_flags(evidence):
+        return
     horizon, api = contract.schedule.horizon or 0, evidence.api
     yield from _other_limit(contract, evidence, horizon)
     by_rule = any(each.kind == "truncation" for each in contract.endings.values())
@@ -181,6 +184,8 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
     last tick is a rule of the environment, declare it in the contract's endings as a termination
     """
     if any(ending.kind == "termination" for ending in contract.endings.values()):
+        return
+    if not tells_both_flags(evidence):
         return
     looks = (*evidence.looks.get("surface", ()), *evidence.looks.get("rollout", ()))
     episodes = [episode for look in looks for episode in look.episodes]

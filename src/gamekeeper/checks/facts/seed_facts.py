@@ -85,10 +85,19 @@ class MovedGenerator:
 
     Attributes:
         call: the first that moved it: `make`, `reset` or `step`.
+        lines: `file:line` of what moved it, the first ones; empty where they aren't known.
     """
 
     generator: str
     call: str
+    lines: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class AskedEntropy:
+    """Lines that asked the system for entropy, the first ones, as `file:line`."""
+
+    lines: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

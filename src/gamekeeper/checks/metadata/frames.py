@@ -16,6 +16,7 @@ from gamekeeper.checks.facts.render_facts import (
     Shot,
     WrittenFrames,
 )
+from gamekeeper.checks.facts.surface_facts import Metadata
 from gamekeeper.checks.paired_episodes import counterfactual_cases
 from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -111,12 +112,13 @@ PROMISED: Final = {
 }
 
 
-@check("GK802", MEDIUM, "render", applies=nothing_to_film)
+@check("GK802", MEDIUM, "render", "metadata", applies=nothing_to_film)
 def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """render() returns what its mode promises: uint8 [height, width, 3] for "rgb_array", a str for "ansi".
 
     Floats, None, a transposed or an empty picture, or an exception stop whoever writes a video, or
-    give a black one. What it does once the episode is over isn't judged.
+    give a black one. What it does once the episode is over isn't judged, nor a mode in use that
+    isn't in the list of `metadata["render_modes"]`: GK822 says so.
 
     Source: PettingZoo's `render_test`; `AECEnv.render`.
 
@@ -129,9 +131,11 @@ def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases
     Fix: return uint8 in [0, 255] of shape [height, width, 3] in mode 'rgb_array' ((frame *
     255).astype(np.uint8) for floats in [0, 1]), a str in mode 'ansi'
     """  # noqa: E501  # the claim is one line
+    lists = [fact.value.fields.get("render_modes") for fact in evidence.facts(Metadata)]
+    listed = [mode for modes in lists if isinstance(modes, list | tuple) for mode in modes]
     for fact in evidence.facts(RenderedEpisode):
         mode = fact.value.mode
-        if mode not in PROMISED:
+        if mode not in PROMISED or (listed and mode not in listed):
             continue
         proof = reproducer_of(frames_have_their_form, options=fact.value.options, mode=mode)
         for shot in fact.value.shots:

@@ -188,8 +188,7 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
     if evidence.api == "aec":
         yield from _living_in_books(evidence)
         return
-    forms = [fact.value.calls for fact in evidence.facts(ReturnedForms)]
-    misshapen = {turn > 0 for calls in forms for turn, wrong in enumerate(calls) if wrong}
+    misshapen = _misshapen(evidence)
     for episode in evidence["rollout"]:
         for each in turn_entries(episode):
             if each.says_nothing or (each.turn.index > 0) in misshapen:
@@ -203,8 +202,14 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
                     "no entry",
                     proof=_living_proof(PARTS[part]),
                 )
-            if not bad:
+            if not bad and not misshapen:
                 yield Case(episode.at(each.turn, None, "agents"), True)
+
+
+def _misshapen(evidence: ProbeEvidence) -> set[bool]:
+    """Tells by `is_step` which calls return another form than the API's; GK110 tells of them."""
+    forms = [fact.value.calls for fact in evidence.facts(ReturnedForms)]
+    return {turn > 0 for calls in forms for turn, wrong in enumerate(calls) if wrong}
 
 
 def _owed(each: TurnEntries, agent: str) -> list[str]:
@@ -236,7 +241,7 @@ def _living_proof(book: str) -> str:
     return f"missing = set(env.agents) - set({book})\nassert not missing, missing"
 
 
-@check("GK108", HIGH, "rollout", api="parallel", looks_at="an agent that ends")
+@check("GK108", HIGH, "rollout", "surface", api="parallel", looks_at="an agent that ends")
 def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is given its last reward, last observation and both flags in that step.
 
@@ -250,8 +255,11 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
     Fix: build the dictionaries of a step over those who acted in it, before the ones that ended are
     taken out of `agents`
     """
+    misshapen = _misshapen(evidence)
     for episode in evidence["rollout"]:
         for each in turn_entries(episode):
+            if (each.turn.index > 0) in misshapen:
+                continue
             for agent in sorted(each.acted - each.turn.live):
                 if not each.has(agent) or agent not in each.turn.agents:
                     continue  # nothing is told of it at all: it left without ending
@@ -313,21 +321,23 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
                 )
         return
     answers = any(fact.value.infos_answer for fact in evidence.facts(ReturnedForms))
+    misshapen = _misshapen(evidence)
     for episode in evidence["rollout"]:
         for each in turn_entries(episode):
-            if each.says_nothing:
+            if each.says_nothing or (each.turn.index > 0) in misshapen:
                 continue
             live = each.turn.live if not each.turn.index else each.turn.live & each.before
             owed = live | {agent for agent in each.acted if each.has(agent)}
             owed &= set(each.turn.agents)
             lost = sorted(a for a in owed if "info" in each.missing.get(a, ()) and not answers)
-            yield Case(
-                episode.at(each.turn, lost[0] if lost else None, "infos"),
-                not lost,
-                "an entry for every agent",
-                f"none for {', '.join(lost)}",
-                proof=IN_STEP if each.turn.index else INFOS_AT_RESET,
-            )
+            if lost or not misshapen:
+                yield Case(
+                    episode.at(each.turn, lost[0] if lost else None, "infos"),
+                    not lost,
+                    "an entry for every agent",
+                    f"none for {', '.join(lost)}",
+                    proof=IN_STEP if each.turn.index else INFOS_AT_RESET,
+                )
 
 
 EXPECTED: Final = {

@@ -127,8 +127,9 @@ def _apart_proof(api: str, field: str, one: object, other: object) -> str:
         "        return [array for item in items for array in arrays(item)]\n"
         "    return []\n"
         f"mine, theirs = {mine}, {theirs}\n"
-        "assert mine is not theirs\n"
-        "assert not any(np.shares_memory(a, b) for a in arrays(mine) for b in arrays(theirs))"
+        "assert mine is not theirs, mine\n"
+        "for a in arrays(mine):\n"
+        "    assert not any(np.shares_memory(a, b) for b in arrays(theirs)), a"
     )
 
 

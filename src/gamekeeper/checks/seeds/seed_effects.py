@@ -9,6 +9,7 @@ from typing import Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
+    AskedEntropy,
     EpisodeElsewhere,
     PlainSeed,
     SeededEpisodes,
@@ -96,8 +97,11 @@ def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Case
 
 
 def _differing_seeds_proof(api: str) -> Reproducer:
-    line = f"assert len({{play(make(), seed) for seed in range({SEEDS})}}) > 1"
-    return program(api, line, unchanged=())
+    lines = (
+        f"seen = {{play(make(), seed) for seed in range({SEEDS})}}",
+        f'assert len(seen) > 1, f"{SEEDS} seeds, and after each of them {{str(seen)[:400]}}"',
+    )
+    return program(api, *lines, unchanged=())
 
 
 AGAIN: Final = 70
@@ -134,12 +138,19 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
         return  # instances share something, and that is another promise
     plays = list(evidence.counterfactuals("same_seed"))
     differs = differs_by_itself(evidence)
+    facts = evidence.facts(AskedEntropy)
+    lines = tuple(dict.fromkeys(line for fact in facts for line in fact.value.lines))
     for each in plays:
         change, tells = each.change["change"], told_of(contract, each)
         if change in ("nothing", "the global generators"):
+            asked = lines if change == "nothing" else ()
             for case in parted(each, _again(evidence.api, tells)):
                 is_minor = not case.ok and _is_of_infos(each)
-                yield replace(case, severity=LOW) if is_minor else case
+                yield (
+                    case
+                    if case.ok
+                    else replace(case, severity=LOW if is_minor else None, lines=asked)
+                )
         elif differs:
             continue  # by itself, whatever the clock says
         elif change == "the time of day":
@@ -180,7 +191,8 @@ def _empty(api: str) -> Reproducer:
     see = "seen" if api == "parallel" else "env.last()"
     lines = ["def first(**options):", "    env = make()"]
     lines.append("    seen = env.reset(seed=SEED, **options)")
-    lines += [f"    return repr({see})", "assert first() == first(options={})"]
+    lines += [f"    return repr({see})", "plain, empty = first(), first(options={})"]
+    lines += ["assert plain == empty, (plain, empty)"]
     return Reproducer("\n".join(lines), plays=False)
 
 
@@ -279,7 +291,8 @@ def _later_seeds_proof(api: str) -> Reproducer:
         "    env = make()",
         "    play(env)",
         "    return play(env, seed)",
-        f"assert len({{later(seed) for seed in range({SEEDS})}}) > 1",
+        f"seen = {{later(seed) for seed in range({SEEDS})}}",
+        f'assert len(seen) > 1, f"{SEEDS} seeds, and after each of them {{str(seen)[:400]}}"',
     )
 
 
@@ -342,7 +355,8 @@ def _unseeded_proof(api: str) -> Reproducer:
         api,
         "env = make()",
         "env.reset(seed=SEED)",
-        f"assert len({{play(env) for _ in range({RESETS})}}) > 1",
+        f"seen = {{play(env) for _ in range({RESETS})}}",
+        f'assert len(seen) > 1, f"{RESETS} unseeded resets, and after each {{str(seen)[:400]}}"',
         reset="env.reset()",
         unchanged=(),
     )

@@ -423,5 +423,6 @@ def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> C
                 agent in found,
                 f"a mask at {place}",
                 "nothing stands there",
-                proof=f"{mask_lines(evidence.api, agent, place)}\nassert mask is not None",
+                proof=f"{mask_lines(evidence.api, agent, place)}\n"
+                f"assert mask is not None, {place!r}",
             )

@@ -69,7 +69,7 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
         is_ok = bool(fact.value.is_same)
         roster = "env.agents" if fact.value.when == "live" else "env.possible_agents"
         find = f"agent = next(a for a in {roster} if str(a) == {agent!r})"
-        proof = f"{find}\nassert env.{name}(agent) is env.{name}(agent)"
+        proof = f"{find}\nassert env.{name}(agent) is env.{name}(agent), agent"
         yield Case(fact.where, is_ok, "the same object twice", "two objects", proof)
 
 

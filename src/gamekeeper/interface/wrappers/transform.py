@@ -11,6 +11,7 @@ from pettingzoo import AECEnv, ParallelEnv
 
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.author_calls import AgentId
+from gamekeeper.interface.env_source import possible_agents_of
 
 
 class Transform:
@@ -144,7 +145,7 @@ def possible(env: Any, wrapper: str) -> list[Any]:
     Raises:
         SpecError: the environment doesn't name them before a reset.
     """
-    agents = list(getattr(env, "possible_agents", None) or ())
+    agents = possible_agents_of(env)
     if not agents:
         raise SpecError(
             f"{wrapper} needs to know all agents beforehand",

@@ -8,7 +8,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.checks.verdict import SEVERITIES
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.reporting.audit_text import broken_rule
+from gamekeeper.reporting.audit_text import broken_rule, finding_facts
 from gamekeeper.reporting.crowd import MOST_ROWS
 from gamekeeper.reporting.influence_text import lag_unit
 from gamekeeper.reporting.measured_text import (
@@ -40,7 +40,6 @@ from gamekeeper.reporting.text_columns import space_text
 ORDER: Final = ("suspected", "waived", "not_exercised", "passed", "not_applicable")
 """The outcomes that aren't failures, in the order in which they are shown."""
 BAD: Final = ("failed", "error")
-FACTS: Final = ("where", "expected", "actual", "fix")
 
 
 def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection | None:
@@ -110,7 +109,7 @@ def _judged(verdict: Mapping[str, Any]) -> dict[str, Any]:
     broken = plain["outcome"] in ("failed", "suspected")
     findings = [
         {
-            "facts": [(key, str(each[key])) for key in FACTS if each.get(key)],
+            "facts": list(finding_facts(each).items()),
             "program": str(each.get("reproducer") or ""),
             "anchor": f"program-{anchor_of(plain['id'])}-{k}",
         }

@@ -1,0 +1,96 @@
+"""Causes that can be held still, by the check whose failure shows them."""
+
+from typing import Final
+
+from gamekeeper.auditing.holds import (
+    Hold,
+    actions_held,
+    classes_held,
+    copies_held,
+    dead_steps_held,
+    ended_held,
+    entries_held,
+    entropy_held,
+    generators_held,
+    globals_held,
+    infos_held,
+    instances_held,
+    missing_held,
+    names_held,
+    observations_held,
+    observe_held,
+    orders_held,
+    readings_held,
+    resets_held,
+    rewards_held,
+    rosters_held,
+    spaces_held,
+    state_held,
+)
+
+GLOBALS: Final = Hold(
+    "global generators seeded before each call", globals_held, ("GK600",), is_general=True
+)
+ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
+GENERATORS: Final = Hold(
+    "own generators restarted, and what the constructor drew put back, at each reset",
+    generators_held,
+    is_general=True,
+)
+SPACES: Final = Hold("spaces seeded at each reset", spaces_held, is_general=True)
+INSTANCES: Final = Hold(
+    "a fresh instance for each reset",
+    instances_held,
+    ("GK103", "GK406", "GK506", "GK523", "GK815"),
+    is_general=True,
+)
+CLASSES: Final = Hold(
+    "a copy of what the class keeps for each instance", classes_held, ("GK701", "GK702", "GK703")
+)
+READINGS: Final = Hold(
+    "state() and render() called on a copy", readings_held, ("GK604", "GK607", "GK805", "GK814")
+)
+OBSERVATIONS: Final = Hold("observations copied", observations_held, ("GK614", "GK620", "GK624"))
+INFOS: Final = Hold("infos copied", infos_held, ("GK614", "GK621", "GK624"))
+
+OF_DRAWS: Final = (GLOBALS, ENTROPY)
+"""Held where the same episode differs by itself, so that another fault in it can be shown."""
+RESETS: Final = Hold("global generators seeded before each reset, as in the audit", resets_held)
+AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
+"""Held where an episode shows a fault by what it drew: it draws the same again, as in the audit."""
+HOLDS: Final = {
+    "GK630": Hold("actions copied before they are handed to step", actions_held, is_general=True),
+    "GK602": GLOBALS,
+    "GK638": SPACES,
+    "GK601": GENERATORS,
+    "GK605": ENTROPY,
+    "GK636": READINGS,
+    "GK637": READINGS,
+    "GK814": READINGS,
+    "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
+    "GK102": Hold("possible_agents named anew", rosters_held, ("GK103",), is_general=True),
+    "GK606": INSTANCES,
+    "GK604": INSTANCES,
+    "GK634": Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True),
+    "GK607": CLASSES,
+    "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),
+    "GK610": OBSERVATIONS,
+    "GK615": INFOS,
+    "GK614": OBSERVATIONS,
+    "GK611": INFOS,
+    "GK612": Hold("results of state() copied", state_held, ("GK622",)),
+    "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
+    "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
+    "GK303": Hold(
+        "steps of the dead made by `_was_dead_step`", dead_steps_held, ("GK304", "GK407", "GK522")
+    ),
+    "GK107": Hold("missing entries added", missing_held, ("GK108", "GK221", "GK403", "GK527")),
+    "GK109": Hold("missing entries added", missing_held, ("GK527",)),
+    "GK106": Hold(
+        "entries of agents that aren't live deleted",
+        entries_held,
+        ("GK221", "GK402", "GK403", "GK407", "GK520", "GK527"),
+    ),
+    "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),
+}
+"""By the check whose failure is a cause, in the order in which causes are established."""
