@@ -124,6 +124,27 @@ class AddsUp(Sound):
         return self.rng.random(2) / (1 + (self.energy > 50))
 
 
+class LentRoster(Sound):
+    """From its second episode on, agents that end are taken out of the possible agents too."""
+
+    episodes = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Copies the list once."""
+        out = super().reset(seed, options)
+        self.episodes += 1
+        self.agents = self.possible_agents if self.episodes > 1 else list(self.possible_agents)
+        return out
+
+    def step(self, actions: Any) -> Any:
+        """One of the two ends early."""
+        out = super().step(actions)
+        if self.tick == 5 and "b" in self.agents:
+            out[2]["b"] = True
+            self.agents.remove("b")
+        return out
+
+
 class Drifts(Sound):
     """Goes on, over resets, from draws of the process and of a generator that nobody seeded."""
 

@@ -15,7 +15,15 @@ from gamekeeper.auditing import other_process
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
 from gamekeeper.auditing.class_state import ClassState
-from gamekeeper.auditing.confirm import TRIES, Confirmation, Programs, _share_until
+from gamekeeper.auditing.confirm import (
+    FLAKY,
+    NOT_RUN,
+    TRIES,
+    Confirmation,
+    Programs,
+    _share_until,
+    _without_chance,
+)
 from gamekeeper.auditing.holds import (
     calls_of_class,
     globals_held,
@@ -31,7 +39,7 @@ from gamekeeper.auditing.reproduce import longer_episodes
 from gamekeeper.auditing.reproducer_process import FILE, raised_at
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper, within
-from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced
+from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -209,6 +217,15 @@ def test_fault_of_a_lucky_draw_is_shown_by_drawing_the_same_again() -> None:
     assert "make = draws_seeded(make)\n" in verdict.findings[0].reproducer
 
 
+def test_fault_of_a_used_instance_is_shown_by_resets_before() -> None:
+    """A roster that is lent out from the second episode on; what follows is another's fault."""
+    found = audited("LentRoster", "GK102", "GK606")
+    verdict = found.of("GK102")
+    assert (verdict.outcome, verdict.follows_from) == ("failed", None)
+    assert "make = reset_before(" in verdict.findings[0].reproducer
+    assert [each.id for each in found.verdicts if each.outcome == "suspected"] == []
+
+
 def test_finding_that_no_fresh_process_shows_is_suspected() -> None:
     """An observation leaves its space in this process alone: nothing failed, nothing passed."""
     found = audited("OnlyInTests", "GK214")
@@ -217,6 +234,25 @@ def test_finding_that_no_fresh_process_shows_is_suspected() -> None:
     assert verdict.reproduced is not None
     assert verdict.reproduced.failed < verdict.reproduced.tried
     assert found.ok
+
+
+@pytest.mark.parametrize(
+    ("seeded", "compares", "reason", "outcome"),
+    [
+        ("failed", True, FLAKY, "not_exercised"),
+        ("failed", False, FLAKY, "suspected"),
+        ("failed", True, NOT_RUN, "suspected"),
+        ("passed", True, FLAKY, "suspected"),
+    ],
+)
+def test_chance_suspects_no_comparison_where_no_seed_settles_an_episode(
+    seeded: Any, compares: bool, reason: str, outcome: str
+) -> None:
+    """What isn't shown of two episodes that differ by themselves was no comparison."""
+    programs = [Programs(Finding("", "", "", "", ""), ("",), compares=compares, unchanged="")]
+    doubted = Verdict("GK634", "a claim", "suspected", "high", reason=reason)
+    found = {"GK601": Verdict("GK601", "", seeded, "high"), "GK634": doubted}
+    assert _without_chance(found, [(doubted, programs)])["GK634"].outcome == outcome
 
 
 def test_object_has_findings_without_reproduction() -> None:

@@ -168,6 +168,21 @@ def test_a_reset_needs_no_argument() -> None:
     assert "reset()" in verdict.findings[0].reproducer
 
 
+@pytest.mark.parametrize(
+    ("kind", "outcome"), [(TypeError, "failed"), (KeyError, "passed"), (ValueError, "passed")]
+)
+def test_an_empty_dictionary_of_options_may_only_lack_entries(kind: Any, outcome: str) -> None:
+    """A reset that takes no options but None is found; one that asks for an entry isn't."""
+
+    class Picky(Rovers):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            if options is not None:
+                raise kind("map")
+            return super().reset(seed)
+
+    assert audited(Picky).of("GK524").outcome == outcome
+
+
 class NeverResets(Rovers):
     """Its reset has a fault of its own."""
 
@@ -201,6 +216,24 @@ def test_the_ended_are_not_blamed_for_chance() -> None:
             return super().reset(None if self.rng is not None else seed, options)
 
     assert audited(Chance, budget=800).of("GK526").outcome == "not_exercised"
+
+
+def test_the_ended_are_not_blamed_for_what_use_changes() -> None:
+    """What another episode of the same instance gives is no answer to those who ended."""
+
+    class Worn(Rovers):
+        episodes = 0
+
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            self.episodes += 1
+            return super().reset(seed, options)
+
+        def step(self, actions: dict[str, Any]) -> Any:
+            seen, paid, *rest = super().step({agent: actions[agent] for agent in self.agents})
+            worn = 1.0 if self.episodes > 3 else 0.0
+            return seen, {agent: pay - worn for agent, pay in paid.items()}, *rest
+
+    assert audited(Worn, budget=800).of("GK526").outcome == "not_exercised"
 
 
 class HeardInState(Rovers):

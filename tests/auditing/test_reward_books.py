@@ -198,6 +198,23 @@ def test_rewards_that_no_seed_settles_are_no_marks() -> None:
     assert broken(Undecided, budget=900) == set()
 
 
+class OwedInItsMidst(Traders):
+    """A reset in mid-episode leaves what was owed; one after an end doesn't."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Forgets the debts of those who have ended."""
+        books = (vars(self).get(name, {}) for name in ("terminations", "truncations"))
+        is_over = any(any(book.values()) for book in books)
+        book = {} if is_over else dict(getattr(self, "_cumulative_rewards", {}))
+        super().reset(seed, options)
+        self._cumulative_rewards.update(book)
+
+
+def test_debts_before_any_end_are_looked_for_after_a_reset() -> None:
+    """An episode is cut after its last payment, and where one agent is due most before an end."""
+    assert audit_here(OwedInItsMidst, select=("GK406",), budget=400).of("GK406").outcome == "failed"
+
+
 class Restless(Traders):
     """Rewards stand, and are large."""
 

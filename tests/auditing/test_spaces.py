@@ -15,6 +15,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.result import AuditResult
+from tests.faults.other_agents import LimitOfTheOneInTurn
 from tests.faults.rovers import Rovers
 from tests.faults.traders import Traders
 
@@ -217,6 +218,45 @@ def test_warnings_of_illegal_actions_stay_unsaid(recwarn: pytest.WarningsRecorde
     thrust = spaces.Box(-1, 1, (2,), np.float32)
     assert broken(audited(lambda: Casting(spaces.Discrete(2), thrust, "ab"))) == []
     assert [str(each.message) for each in recwarn if each.category is RuntimeWarning] == []
+
+
+@pytest.mark.parametrize("masked", [True, False])
+def test_a_space_made_anew_late_in_an_episode_is_found(masked: bool) -> None:
+    """It is asked for all along longer plays too, whether masks forbid actions in them or not."""
+
+    class Late(Sampler):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            seen, _ = super().reset(seed, options)
+            self.ticks = 0
+            return seen, self.infos()
+
+        def infos(self) -> Any:
+            mask = {"action_mask": np.array([1, 1, 0], np.int8)} if masked else {}
+            return {agent: dict(mask) for agent in self.agents}
+
+        def step(self, actions: dict[Any, Any]) -> Any:
+            self.time, self.ticks = 0, self.ticks + 1
+            return (*super().step(actions)[:4], self.infos())
+
+        def action_space(self, agent: Any) -> spaces.Space[Any]:
+            return spaces.Discrete(3) if self.ticks > 70 else super().action_space(agent)
+
+    verdict = audited(
+        lambda: Late(spaces.Discrete(2), spaces.Discrete(3), "ab"), "GK202", budget=1500
+    ).of("GK202")
+    assert verdict.outcome == "failed"
+
+
+def test_observations_in_one_array_are_no_wrong_agents_observations() -> None:
+    """Each is looked at before the next is asked for, which stands in the same array."""
+
+    class OneArray(LimitOfTheOneInTurn):
+        def observe(self, agent: Any) -> Any:
+            self.array = self.__dict__.get("array", np.zeros(self.count + 4, np.float32))
+            self.array[:] = np.append(Traders.observe(self, agent), self.limits[agent])
+            return self.array
+
+    assert audited(OneArray, "GK219", budget=2000).of("GK219").outcome == "passed"
 
 
 def test_observations_far_from_the_start_are_found() -> None:

@@ -2,7 +2,7 @@
 
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -12,8 +12,10 @@ from typing import Final, Literal, TypeAlias
 from gamekeeper.auditing.causes import AS_DRAWN, HOLDS, OF_DRAWS
 from gamekeeper.auditing.held_programs import SIMPLER, held_still
 from gamekeeper.auditing.holds import Hold
+from gamekeeper.auditing.judge import NOISE
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.reproducer_process import is_of_library
+from gamekeeper.auditing.used_instance import USED
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -57,6 +59,7 @@ class Programs:
         finding: its reproducer is the shortest that was found.
         longer: the reproducer with more and more of the episode that was played, at last all of it.
         compares: two episodes are compared, so that it may be a consequence.
+        plays: an episode from a reset on is played, so that it can be one of a used instance.
         unchanged: without the fault's trigger; empty where there is none.
         wrappers: names of the environment's wrappers, the outermost first.
         has_own_calls: its instances have calls as attributes of their own.
@@ -67,6 +70,7 @@ class Programs:
     compares: bool
     unchanged: str
     wrappers: tuple[str, ...] = ()
+    plays: bool = False
     has_own_calls: bool = False
 
     @property
@@ -324,7 +328,22 @@ def _confirmed(
                 found[verdict.id] = replace(found[verdict.id], follows_from=FollowsFrom(first))
             elif verdict.id in HOLDS:
                 causes.append(verdict.id)
-    return tuple(found.values())
+    return tuple(_without_chance(found, waiting).values())
+
+
+def _without_chance(
+    found: Mapping[str, Verdict], drafts: Iterable[tuple[Verdict, Sequence[Programs]]]
+) -> dict[str, Verdict]:
+    """The verdicts; comparisons that aren't shown are none, where no seed settles an episode."""
+    verdicts, seeded = dict(found), found.get("GK601")
+    if seeded is None or seeded.outcome != "failed" or seeded.follows_from is not None:
+        return verdicts
+    for id, programs in ((verdict.id, programs) for verdict, programs in drafts):
+        now = verdicts[id]
+        is_chance = now.outcome == "suspected" and now.reason in (FLAKY, UNSTABLE)
+        if is_chance and all(each.compares for each in programs):
+            verdicts[id] = Verdict(id, now.claim, "not_exercised", now.severity, reason=NOISE)
+    return verdicts
 
 
 def _share_until(end_s: float | None, count: int) -> float | None:
@@ -386,11 +405,16 @@ def _of_several(
 def _finding(
     each: Programs, holds: Sequence[Hold], work: Confirmation
 ) -> tuple[Finding, Reproduced, bool]:
-    """The finding as it is; where plays differ by themselves, with draws or a cause held still."""
+    """The finding as it is; where plays differ by themselves, with draws or a cause held still.
+
+    What one episode showed may need an instance that was used before.
+    """
     result = work.finding(each)
     if result[2]:
         return result
-    ways = [(hold,) for hold in dict.fromkeys((*holds, *OF_DRAWS))] if each.compares else AS_DRAWN
+    ways: list[tuple[Hold, ...]] = [*AS_DRAWN, *[(USED,)] * each.plays]
+    if each.compares:
+        ways = [(hold,) for hold in dict.fromkeys((*holds, *OF_DRAWS))]
     for held in ways:
         again = work.finding(_with_held(each, held))
         if again[2]:

@@ -99,6 +99,7 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
         compares=proof is not None and proof.compares,
         unchanged=program(begun, unchanged) if unchanged else "",
         wrappers=wrappers_of(session.opened.env),
+        plays=proof is None or proof.plays,
         has_own_calls=is_own,
     )
 

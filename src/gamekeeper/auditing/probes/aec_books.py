@@ -13,8 +13,8 @@ from gamekeeper.checks.facts.aec_book_facts import LastRewards, MarkedReward, Ow
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 
 PLAYS: Final = 3
-RUNS: Final = 3
-"""An episode itself, the one with marks, and the one that a reset cuts."""
+RUNS: Final = 5
+"""An episode itself, the one with marks, and three that a reset cuts."""
 MOST_MARKS: Final = 12
 """Steps of one episode before which rewards are marked."""
 MARK: Final = 1234.567
@@ -27,7 +27,8 @@ NEAR: Final = 1e-3
 def books(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """`last()`, `rewards` and cumulative rewards of an AEC environment, and its resets.
 
-    The episode; then the same episode with marked rewards, and once more, cut by a reset.
+    The episode; then the same episode with marked rewards, and cut by a reset: after its last
+    payment, and where one agent is due most, in all and before any has ended.
 
     Facts:
         `LastRewards`, `MarkedReward`, `OwedAfterReset`.
@@ -35,12 +36,14 @@ def books(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     env = session.env()
     told: dict[int, Any] = {}
     paid: list[dict[Any, float]] = []
+    due: list[float] = []
 
     def watch(turn: int, env: Any, out: Any) -> None:
         reward = _last(session, env)
         if reward is not None:
             told[turn] = reward
         paid.append(_book(session, env, "rewards"))
+        due.append(max(map(abs, _book(session, env, "_cumulative_rewards").values()), default=0.0))
 
     played = session.play(play, env, watch=watch, state=False)
     yield played.episode
@@ -48,7 +51,12 @@ def books(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if not any(paid):
         return
     yield from _marks(session, env, played, paid)
-    yield from _owed(session, env, played, paid)
+    turns = min(len(played.play.actions or ()) + 1, len(due))
+    last = [turn for turn in range(1, turns) if paid[turn]][-1:]
+    end = next((turn.index for turn in played.episode.turns if turn.ended), turns)
+    most = [sorted(range(1, k), key=lambda turn: due[turn])[-1:] for k in (turns, min(turns, end))]
+    for turn in dict.fromkeys(sum(most, last) if last else ()):
+        yield from _owed(session, env, played, turn)
 
 
 def _marks(
@@ -90,15 +98,8 @@ def _marks(
             yield session.fact(value, turn=turn, agent=agent, field="rewards")
 
 
-def _owed(
-    session: ProbeSession, env: Any, played: EpisodeResult, paid: list[dict[Any, float]]
-) -> Iterator[Saw]:
+def _owed(session: ProbeSession, env: Any, played: EpisodeResult, turn: int) -> Iterator[Saw]:
     """Cumulative rewards after a reset, where the episode before was cut with some due."""
-    turns = len(played.play.actions or ())
-    places = [turn for turn in range(1, turns + 1) if turn < len(paid) and paid[turn]]
-    if not places:
-        return
-    turn = places[-1]
     session.play(cut(played.play, turn), env, state=False)
     reset = session.call("reset", env.reset, seed=played.play.seed)
     session.meter.count()

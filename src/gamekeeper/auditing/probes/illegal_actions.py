@@ -232,20 +232,17 @@ def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         return
     cut = _cut(played, extra)
     first, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
-    outcomes = []
-    for way in ({}, {}, first, other):
-        outcome, raised = _answers(session, env, cut, way)
-        if raised is not None:
-            if not way:
-                return  # nor can it be played without them
-            refused = EndedActions(agents=list(extra), raised=raised, turn=None)
-            yield session.fact(refused, field="ended_acts")
-            return
-        outcomes.append(outcome)
-    if outcomes[0] != outcomes[1]:  # what state() gives may hold more than the game
+    ways: Any = {}, first, other, {}  # the same again last: there shows what use alone changes
+    answers = [_answers(session, env, cut, way) for way in ways]
+    outcomes, raised = [each for each, _ in answers], [each for _, each in answers]
+    if outcomes[0] != outcomes[-1]:  # what state() gives may hold more than the game
         outcomes = [[(text, b"") for text, _ in outcome] for outcome in outcomes]
-    if outcomes[0] != outcomes[1]:
+    if raised[0] or raised[-1] or outcomes[0] != outcomes[-1]:
         return  # it isn't the same game twice: nothing can be blamed on the actions
+    if raised[1] or raised[2]:
+        refused = EndedActions(agents=list(extra), raised=raised[1] or raised[2], turn=None)
+        yield session.fact(refused, field="ended_acts")
+        return
     turn = next(
         (t for t, given in enumerate(zip(*outcomes, strict=False)) if len({*given}) > 1), None
     )

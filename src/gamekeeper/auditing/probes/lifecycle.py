@@ -316,6 +316,7 @@ def _arguments(session: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
         f"seed={seed!r}": {"seed": seed},
         "options=None": {"options": None},
         f"seed={seed!r}, options=None": {"seed": seed, "options": None},
+        "options={}": {"options": {}},
     }
     raised: dict[str, str | None] = {}
     for words, named in ways.items():

@@ -57,7 +57,8 @@ def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     What spaces are there and whether they stay the same; what others than the mover observe.
 
-    Episodes of plays in which actions are held, which come to the borders of what is observed.
+    Episodes of longer plays, in which actions are held: they come to the borders of what is
+    observed.
 
     Facts:
         `AskedSpace`, `ChangedSpace`, `SpaceFaults`, `SpaceEntry`, `OthersView`, `PickledInfo`,
@@ -82,16 +83,25 @@ def spaces(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
 
 def _held(session: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
-    """A longer episode; where masks forbid actions nothing can be held."""
+    """A longer episode, with looks at the spaces; where masks forbid actions none is held."""
+    change = None
     if play.actions is None:
         first = session.play(replace(play, most_turns=2), env, state=False)
         declared = [role.mask for role in session.contract.roles.values()]
-        if any(turn.masks for turn in first.episode.turns) or set(declared) - {None, "none"}:
-            return
+        has_masks = any(turn.masks for turn in first.episode.turns)
+        change = None if has_masks or set(declared) - {None, "none"} else Held()
         session.base = None  # what follows is what is to be seen again
-    change = Held() if play.actions is None else None
-    played = session.play(play, env, change=change, state=False)
+    watch = _Watch(session, env)
+
+    def look(turn: int, env: Any, out: Any) -> None:
+        if turn % EVERY == 0:
+            watch.ask_all(list(env.agents)[:MOST_AGENTS], "live", turn)
+
+    played = session.play(play, env, change=change, watch=look, state=False)
+    possible = list(getattr(env, "possible_agents", None) or ())
+    watch.ask_all(possible[:MOST_AGENTS], "after the episode", None)
     yield played.episode
+    yield from watch.facts
 
 
 @dataclass(slots=True)
@@ -163,7 +173,8 @@ class _Watch:
 
     def _observe(self, turn: int, roster: list[Any]) -> None:
         chosen = getattr(self.env, "agent_selection", None)
-        own = self.session.call("observe", self.env.observe, chosen).value
+        # taken at once: the next observation may stand in the same array
+        one = numbers_in(unmasked(self.session.call("observe", self.env.observe, chosen).value))
         for agent in roster:
             space = self._space(agent)
             if agent == chosen or space is None:
@@ -178,7 +189,7 @@ class _Watch:
                 [each.kind, each.path, each.expected, each.actual, each.test]
                 for each in misfits(space, seen.value)
             ]
-            one, other = (numbers_in(unmasked(each)) for each in (own, seen.value))
+            other = numbers_in(unmasked(seen.value))
             size = len(one) if len(one) == len(other) else 0
             differs = changed_numbers(one, other)
             self._note(OthersView(None, found, size, differs), turn, agent, "observe")

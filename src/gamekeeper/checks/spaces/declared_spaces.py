@@ -65,11 +65,11 @@ def spaces_are_one_object(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for fact in evidence.facts(AskedSpace):
         if fact.value.space is None:
             continue
-        name = fact.where.field
+        name, agent = fact.where.field, str(fact.where.agent)
         is_ok = bool(fact.value.is_same)
-        proof = (
-            f"for agent in env.agents:\n    assert env.{name}(agent) is env.{name}(agent), agent"
-        )
+        roster = "env.agents" if fact.value.when == "live" else "env.possible_agents"
+        find = f"agent = next(a for a in {roster} if str(a) == {agent!r})"
+        proof = f"{find}\nassert env.{name}(agent) is env.{name}(agent), agent"
         yield Case(fact.where, is_ok, "the same object twice", "two objects", proof)
 
 
