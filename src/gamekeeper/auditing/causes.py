@@ -51,7 +51,7 @@ READINGS: Final = Hold(
     "state() and render() called on a copy", readings_held, ("GK604", "GK607", "GK805", "GK814")
 )
 OBSERVATIONS: Final = Hold("observations copied", observations_held, ("GK614", "GK620", "GK624"))
-INFOS: Final = Hold("infos copied", infos_held, ("GK614", "GK621", "GK624"))
+INFOS: Final = Hold("infos copied", infos_held, ("GK235", "GK614", "GK621", "GK624"))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same episode differs by itself, so that another fault in it can be shown."""
@@ -67,7 +67,7 @@ HOLDS: Final = {
     "GK636": READINGS,
     "GK637": READINGS,
     "GK814": READINGS,
-    "GK104": Hold("agents named once each after every reset", names_held, ("GK102",)),
+    "GK104": Hold("agents named once each", names_held, ("GK102", "GK214", "GK527")),
     "GK102": Hold("possible_agents named anew", rosters_held, ("GK103",), is_general=True),
     "GK606": INSTANCES,
     "GK604": INSTANCES,
@@ -80,7 +80,7 @@ HOLDS: Final = {
     "GK611": INFOS,
     "GK612": Hold("results of state() copied", state_held, ("GK622",)),
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
-    "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",)),
+    "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK214", "GK402")),
     "GK303": Hold(
         "steps of the dead made by `_was_dead_step`", dead_steps_held, ("GK304", "GK407", "GK522")
     ),

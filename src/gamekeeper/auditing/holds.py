@@ -387,16 +387,19 @@ def rewards_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def names_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Leaves each agent once in the rosters after a reset."""
+    """Leaves each agent once in the rosters."""
 
     def methods(cls: Any) -> dict[str, Callable[..., Any]]:
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            out = cls.reset(self, *args, **kwargs)
-            for roster in (self.agents, self.possible_agents):
-                roster[:] = dict.fromkeys(roster)
-            return out
+        def once(name: str) -> Callable[..., Any]:
+            def call(self: Any, *args: Any, **kwargs: Any) -> Any:
+                out = getattr(cls, name)(self, *args, **kwargs)
+                for roster in (self.agents, self.possible_agents):
+                    roster[:] = dict.fromkeys(roster)
+                return out
 
-        return {"reset": reset}
+            return call
+
+        return {name: once(name) for name in ("reset", "step")}
 
     return with_methods(make, methods)
 

@@ -98,7 +98,7 @@ def _held(session: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
             watch.ask_all(list(env.agents)[:MOST_AGENTS], "live", turn)
 
     played = session.play(play, env, change=change, watch=look, state=False)
-    possible = list(getattr(env, "possible_agents", None) or ())
+    possible = possible_agents_of(env)
     watch.ask_all(possible[:MOST_AGENTS], "after the episode", None)
     yield played.episode
     yield from watch.facts
