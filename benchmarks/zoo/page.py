@@ -282,7 +282,9 @@ def changed(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     yield "|---|---|---|"
     for row in rows:
         if row["lot"] == "changed":
-            yield _line([row["key"], _told(before[row["key"]], judged), _told(row, judged)])
+            first = before.get(row["key"])
+            told = "no audit" if first is None else _told(first, judged)
+            yield _line([row["key"], told, _told(row, judged)])
     yield ""
 
 
