@@ -26,6 +26,7 @@ Group = Literal[
     "eighth",
     "ninth",
     "tenth",
+    "eleventh",
 ]
 
 
@@ -45,7 +46,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *tenth*: likewise, once they were changed by those before."""
+    *second* to *eleventh*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

@@ -36,6 +36,7 @@ APART: Final = (
     "eighth",
     "ninth",
     "tenth",
+    "eleventh",
 )
 """Lots of repositories that no audit had been run on."""
 LOTS: Final = ("tuned", "related", "new", "left", "fresh", "again", *APART, "changed")
