@@ -5,7 +5,6 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from gamekeeper.auditing.audit import SHRINKING, audit_here
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes.surface import limits_of
 from tests.auditing.roster_games import Counting
@@ -67,14 +66,6 @@ class Settled:
         self.n_steps, self.end, self.size = 14, deadline, size_limit
         self.settings: dict[str, Any] = {"horizon": 15, "max_players": 16, "cutoff": 17.0}
         self.max_laps, self.bid_limit = 18, 19
-
-
-@pytest.mark.parametrize(("limit", "outcome"), [(900, "failed"), (4_000, "not_exercised")])
-def test_an_episode_is_played_to_a_late_limit(limit: int, outcome: str) -> None:
-    """Where eight equal episodes would end before a limit, half of the steps are for one more."""
-    found = audit_here(lambda: Staying(limit), select=("GK503",), budget=2_000)
-    assert found.of("GK503").outcome == outcome
-    assert found.steps < 2_000 * (1 + SHRINKING) + limit
 
 
 def test_limits_of_the_module_that_terminate_are_found() -> None:

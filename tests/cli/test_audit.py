@@ -70,7 +70,8 @@ def test_document_is_the_audit(capfd: pytest.CaptureFixture[str]) -> None:
     assert (found["api"], found["ok"], found["seed"]) == ("parallel", False, 3)
     (only,) = found["verdicts"]
     assert (only["id"], only["outcome"], only["severity"]) == ("GK402", "failed", "high")
-    assert only["findings"][0].keys() == {"where", "expected", "actual", "fix", "reproducer"}
+    parts = {"where", "expected", "actual", "fix", "reproducer", "lines"}
+    assert only["findings"][0].keys() == parts
     assert found["source"]["class"].endswith("PaidAfterEnd")
 
 

@@ -11,7 +11,6 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable
 from gamekeeper.auditing.probes.state_calls import form_of, space_of
-from gamekeeper.auditing.probes.surface import limits_of
 from gamekeeper.checks.facts.episode_facts import (
     AgentNames,
     RaisedCall,
@@ -38,20 +37,13 @@ SHORT_PLAYS: Final = 16
 """Further episodes, where the first ones ended early and left steps to spend."""
 
 
-def _rollout_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
-    """Equal ones; where a limit of time lies beyond these, a first one that comes to it.
-
-    At most half of the ration is for that one.
-    """
-    agents = max(len(session.agents), 1) if session.api == "aec" else 1
-    usual = max(session.ration // PLAYS, 20)
-    whole = [agents * (limit + 1) for limit in limits_of(session.opened.env).values()]
-    first = max((each for each in whole if usual < each <= session.ration // 2), default=usual)
-    rest = usual if first == usual else max((session.ration - first) // (PLAYS - 1), 20)
-    return session.plays_of([first, *[rest] * (PLAYS - 1 + SHORT_PLAYS)])
-
-
-@probe("rollout", share=6.0, plays=_rollout_plays)
+@probe(
+    "rollout",
+    share=6.0,
+    plays=lambda session: session.plays_of(
+        [max(session.ration // PLAYS, 20)] * (PLAYS + SHORT_PLAYS)
+    ),
+)
 def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Rollouts from several seeds with random legal actions, long enough to see endings.
 
