@@ -16,30 +16,20 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 sys.path.insert(0, str(Path(__file__).parent))
-from catalogue import CATALOGUE, HERE, Listed, catalogue
+from catalogue import CATALOGUE, HERE, Group, Listed, catalogue
 
 KEPT: Final = HERE / "audited.json"
 FINDINGS: Final = HERE.parents[1] / "docs" / "findings"
 WORDS: Final = ("true", "same cause", "pedantic", "false")
 FAULTS: Final = WORDS[:2]
 """Judgements that say that a fault is there."""
-APART: Final = (
-    "second",
-    "third",
-    "fourth",
-    "fifth",
-    "sixth",
-    "seventh",
-    "eighth",
-    "ninth",
-    "tenth",
-    "eleventh",
-)
+LISTED: Final = get_args(Group)
+APART: Final = LISTED[LISTED.index("second") :]
 """Lots of repositories that no audit had been run on."""
-LOTS: Final = ("tuned", "related", "new", "left", "fresh", "again", *APART, "changed")
+LOTS: Final = (*LISTED[: -len(APART)], "again", *APART, "changed")
 SEVERAL: Final = 10
 """Failed verdicts from which a check's share is given."""
 Row = Mapping[str, Any]
@@ -111,10 +101,12 @@ def lots(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
     yield "## How often an audit is right\n"
     yield f"| lot | commit | environments | causes | {' | '.join(WORDS)} | true | a fault |"
     yield "|---|---|---|---|" + "---|" * (len(WORDS) + 2)
-    for lot in LOTS:
+    audited = [lot for lot in LOTS if any(row["lot"] == lot for row in rows)]
+    for lot in audited:
         yield _total(lot, [row for row in rows if row["lot"] == lot], judged)
     bare = [row for row in rows if row["lot"] in APART]
-    yield _total(f"{APART[0]} to {APART[-1]}", bare, judged)
+    last = [lot for lot in audited if lot in APART][-1]
+    yield _total(f"{APART[0]} to {last}", bare, judged)
     shown = [row["shown"] for row in rows if "shown" in row]
     whole, of = (sum(counts) for counts in zip(*shown, strict=True))
     over = max(row.get("over", 0) for row in rows)

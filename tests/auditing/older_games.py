@@ -62,7 +62,7 @@ class KeptSpaces(Counting):
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """Asks a space for its size."""
-        assert self.action_space.n == 2  # type: ignore[attr-defined]
+        assert self.action_space.n == 2  # type: ignore[attr-defined]  # a space, by the fault
         return super().reset(seed, options)
 
 

@@ -127,7 +127,7 @@ class Shrinking(Rovers):
         return np.delete(seen, [2 * i + k for i in gone for k in (0, 1)])
 
 
-@faulty("GK214", budget=1_500)
+@faulty("GK214")
 class BelowZero(Rovers):
     """An empty battery is charged below zero, outside the space.
 

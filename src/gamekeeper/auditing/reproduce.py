@@ -163,6 +163,14 @@ def _shortest(
     if best[0] is play and turns is not None:  # nothing was tried, or nothing shorter shows it
         cut = replace(play, actions=play.actions[:turns], most_turns=max(turns, 1))
         return (cut if reproduction.is_spent else play), case
+    shorter, bad = best
+    shown = bad.where.env_steps
+    if shown is not None and shown < len(shorter.actions or ()):
+        # with turns left out it shows before the end, where its program looks for it
+        cut = replace(shorter, actions=(shorter.actions or ())[:shown], most_turns=max(shown, 1))
+        best = (cut, bad) if reproduction.is_spent else best
+        tries = 0
+        still(cut)
     return best
 
 
