@@ -258,6 +258,7 @@ class EpisodeLoop:
         self._is_parallel = isinstance(capture, ParallelCapture)
         self._contract, self._notes_given = contract or Contract(), hooks.wants_given
         self._call, self._is_begun = "reset", False
+        self._asked: Any = None  # what `last()` gave, where it was asked before the turn
 
     def run(self, until: int | None = None) -> FailedCall | None:
         """Plays, from where it stopped last; returns the call that raised, if one did.
@@ -328,7 +329,8 @@ class EpisodeLoop:
         if next(iter(self._play.actions[turn].values()), None) is not None:
             return False
         self._call = "last"
-        _, _, terminated, truncated, _ = self._capture.last()
+        self._asked = self._capture.last()
+        _, _, terminated, truncated, _ = self._asked
         return not (terminated or truncated)
 
     def _ask_last(self) -> None:
@@ -362,7 +364,8 @@ class EpisodeLoop:
 
     def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
         self._call = "last"
-        observation, _, terminated, truncated, info = self._capture.last()
+        asked, self._asked = self._asked, None  # once, as where policies choose: a call may draw
+        observation, _, terminated, truncated, info = asked or self._capture.last()
         agent = self._capture.to_move[0]
         if self._notes_given and not (terminated or truncated):
             self._hooks.given(turn, agent, observation, info)
