@@ -2,6 +2,13 @@
 
 from typing import Final
 
+from gamekeeper.auditing.draw_holds import (
+    entropy_held,
+    generators_held,
+    globals_held,
+    resets_held,
+    spaces_held,
+)
 from gamekeeper.auditing.holds import (
     Hold,
     actions_held,
@@ -10,9 +17,6 @@ from gamekeeper.auditing.holds import (
     dead_steps_held,
     ended_held,
     entries_held,
-    entropy_held,
-    generators_held,
-    globals_held,
     infos_held,
     instances_held,
     missing_held,
@@ -21,10 +25,8 @@ from gamekeeper.auditing.holds import (
     observe_held,
     orders_held,
     readings_held,
-    resets_held,
     rewards_held,
     rosters_held,
-    spaces_held,
     state_held,
 )
 
