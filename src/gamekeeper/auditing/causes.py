@@ -13,6 +13,7 @@ from gamekeeper.auditing.holds import (
     Hold,
     actions_held,
     classes_held,
+    contents_held,
     copies_held,
     dead_steps_held,
     ended_held,
@@ -93,6 +94,7 @@ HOLDS: Final = {
         entries_held,
         ("GK221", "GK402", "GK403", "GK407", "GK520", "GK527"),
     ),
+    "GK833": Hold("attributes emptied at each reset", contents_held, ("GK832",)),
     "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),
 }
 """By the check whose failure is a cause, in the order in which causes are established."""

@@ -4,6 +4,7 @@ Each function takes the `make` of a reproducer and returns one that builds the s
 one cause held still. Its source stands at the head of the program, so it names nothing of ours.
 """
 
+import collections
 import contextlib
 import copy
 import gc
@@ -110,6 +111,21 @@ def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
         env.__dict__.update(make().__dict__)
 
     return before_resets(make, renew)
+
+
+def contents_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Gives lists, dictionaries and the like the content of the constructor at each reset."""
+
+    def built() -> Any:
+        env = make()
+        kinds = list, dict, set, collections.deque
+        own = {name: each for name, each in vars(env.unwrapped).items() if isinstance(each, kinds)}
+        env.__dict__["built_with"] = copy.deepcopy(own)
+        return env
+
+    return before_resets(
+        built, lambda env: vars(env.unwrapped).update(copy.deepcopy(env.__dict__["built_with"]))
+    )
 
 
 def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
