@@ -3,11 +3,12 @@
 As in `holds`, the source of each function stands at the head of a reproducer.
 """
 
+import contextlib
 import copy
 import pickle
 import random
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,20 @@ from gamekeeper.auditing.holds import (
     put_global_states,
     with_class,
 )
+
+
+@contextlib.contextmanager
+def seeds_given() -> Iterator[None]:
+    """Seeds the global generators with a constant where no seed is given: not with entropy."""
+    places: tuple[Any, ...] = np.random, random
+    before = [each.seed for each in places]
+    for each, seed in zip(places, before, strict=True):
+        each.seed = lambda a=None, *rest, seed=seed: seed(764_309 if a is None else a, *rest)
+    try:
+        yield
+    finally:
+        for each, seed in zip(places, before, strict=True):
+            each.seed = seed
 
 
 def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -33,29 +48,30 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
         if "torch" in sys.modules:
             sys.modules["torch"].manual_seed(number)
 
-    def keep(env: Any) -> None:
+    @contextlib.contextmanager
+    def going_on(env: Any) -> Iterator[None]:
+        put_global_states(env.__dict__["drawn_to"])
+        with seeds_given():
+            yield
         env.__dict__["drawn_to"] = global_states()
 
     def built() -> Any:
         seed_all(764_309)
-        env = make()
+        with seeds_given():
+            env = make()
         cls = type(env)
-        keep(env)
+        env.__dict__["drawn_to"] = global_states()
 
         def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            put_global_states(self.__dict__["drawn_to"])
-            seed = kwargs.get("seed")
-            if seed is not None:
-                seed_all((764_309 + seed - globals().get("SEED", 0)) % 2**32)
-            out = cls.reset(self, *args, **kwargs)
-            keep(self)
-            return out
+            with going_on(self):
+                seed = kwargs.get("seed")
+                if seed is not None:
+                    seed_all((764_309 + seed - globals().get("SEED", 0)) % 2**32)
+                return cls.reset(self, *args, **kwargs)
 
         def step(self: Any, action: Any) -> Any:
-            put_global_states(self.__dict__["drawn_to"])
-            out = cls.step(self, action)
-            keep(self)
-            return out
+            with going_on(self):
+                return cls.step(self, action)
 
         return with_class(env, reset=reset, step=step)
 
@@ -95,6 +111,7 @@ def hold_entropy(bits: int = 0) -> Callable[[], None]:
     values = [
         (places[0], "randbits", lambda count: bits),
         (places[1], "seed", seeded),
+        (random, "seed", lambda a=None, version=2: seeded(random._inst, a, version)),
         (places[2], "random", lambda self: 0.5 / (1 + bits)),
         (places[2], "getrandbits", lambda self, k: bits),
     ]
