@@ -218,6 +218,26 @@ class PaidWhenGone(Lingers):
         return out
 
 
+class Sinks(Lingers):
+    """The same, seen below the space once it has ended."""
+
+    at = 6
+    """The first tick at which it is."""
+
+    def step(self, actions: Any) -> Any:
+        """Changes what one of them sees."""
+        out = super().step(actions)
+        if "a" in out[0] and self.tick >= self.at:
+            out[0]["a"] = out[0]["a"] - 1.0
+        return out
+
+
+class SinksAsItEnds(Sinks):
+    """The same, also in the step that ends it."""
+
+    at = 5
+
+
 @dataclass(frozen=True)
 class Walker:
     """An agent that equals those of its number."""

@@ -148,6 +148,33 @@ class OneMask(Turning):
         return self.infos[agent]["action_mask"]
 
 
+class OneBuffer(Turning):
+    """Writes the mask of each agent into one array, so that all are told the last one's."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Makes the masks."""
+        self.mask = np.ones(2, np.int8)
+        super().reset()
+        self.tell()
+
+    def may(self, agent: Any) -> bool:
+        """The second action is of every other agent and turn."""
+        return bool((self.counts[agent] + self.possible_agents.index(agent)) % 2)
+
+    def tell(self) -> None:
+        """Each is told its mask."""
+        for agent in self.agents:
+            self.mask[1] = self.may(agent)
+            self.infos[agent] = {"action_mask": self.mask}
+
+    def step(self, action: Any) -> None:
+        """Refuses what isn't allowed."""
+        if action == 1 and not self.may(self.agent_selection):
+            raise ValueError("not now")
+        super().step(action)
+        self.tell()
+
+
 class Made:
     """An agent that equals itself alone."""
 

@@ -24,9 +24,9 @@ from gamekeeper.auditing.confirm import (
     _share_until,
     _without_chance,
 )
+from gamekeeper.auditing.draw_holds import globals_held
 from gamekeeper.auditing.holds import (
     calls_of_class,
-    globals_held,
     missing_held,
     names_held,
     observe_held,
@@ -180,6 +180,17 @@ def test_pay_after_the_end_follows_where_it_stops_once_the_ended_are_out(
     assert cause == (None if follows is None else follows.id)
 
 
+@pytest.mark.parametrize(("name", "cause"), [("Sinks", "GK503"), ("SinksAsItEnds", None)])
+def test_observation_of_an_agent_that_is_gone_with_the_cause_follows(
+    name: str, cause: str | None
+) -> None:
+    """It isn't there to be seen once the ended are out: in the step that ends it, it is."""
+    found = audited(name, "GK214", "GK503")
+    follows = found.of("GK214").follows_from
+    assert {each.id for each in found.failed} == {"GK214", "GK503"}
+    assert cause == (None if follows is None else follows.id)
+
+
 def test_faults_of_a_step_that_nothing_happens_in_follow_from_agents_that_stay() -> None:
     """One line makes all of it: agents wait, take actions and are paid, as none is removed."""
     select = "GK303", "GK304", "GK407", "GK522"
@@ -193,6 +204,14 @@ def test_observation_that_hands_out_an_info_shares_what_infos_share() -> None:
     found = audit_here("tests.auditing.roster_games:OneMask", select=("GK61",), budget=600)
     causes = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
     assert causes == {"GK614": "GK615", "GK615": None}
+
+
+def test_action_that_a_shared_mask_allows_follows_from_the_sharing() -> None:
+    """Each mask is right as it is written, and all are the last one: copies are obeyed."""
+    select = "GK235", "GK615"
+    found = audit_here("tests.auditing.roster_games:OneBuffer", select=select, budget=600)
+    causes = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
+    assert causes == {"GK235": "GK615", "GK615": None}
 
 
 @pytest.mark.parametrize("select", [("GK6",), ("GK620",)], ids=str)

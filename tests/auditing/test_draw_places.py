@@ -86,6 +86,7 @@ def unseeded() -> None:
     random.Random(3)
     np.random.default_rng()
     random.Random()
+    random.seed()
 
 
 def test_lines_that_ask_for_entropy_are_named() -> None:
@@ -93,7 +94,7 @@ def test_lines_that_ask_for_entropy_are_named() -> None:
     seed, randbits = random.Random.seed, np.random.bit_generator.randbits  # type: ignore[attr-defined]  # which no stub names
     with entropy_lines(OWN) as lines:
         unseeded()
-    asking = "default_rng()", "Random()"
+    asking = "default_rng()", "Random()", "random.seed()"
     assert lines == [line_of(unseeded, text) for text in asking]
     assert seed is random.Random.seed
     assert randbits is np.random.bit_generator.randbits  # type: ignore[attr-defined]  # as above

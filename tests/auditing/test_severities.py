@@ -16,7 +16,8 @@ import pytest
 from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
-from gamekeeper.auditing.holds import copies_held, generators_held, hold_entropy, spaces_held
+from gamekeeper.auditing.draw_holds import generators_held, hold_entropy, spaces_held
+from gamekeeper.auditing.holds import copies_held
 from gamekeeper.checks.spaces.action_masks import stands_elsewhere
 from gamekeeper.checks.verdict import Verdict
 from tests.auditing.lucky_games import Sound

@@ -80,6 +80,30 @@ class EpisodesKept(Traders):
         super().step(action)
 
 
+@faulty("GK832", "GK833")
+class EpisodesReadAgain(EpisodesKept):
+    """The same, and every reset goes through it."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """The most that was ever seen."""
+        self.most = max((each.sum() for each in self.seen), default=0.0)
+        super().reset(seed, options)
+
+
+@faulty("GK832", "GK833")
+class EpisodesCounted(EpisodesKept):
+    """The same, and every reset counts its way up to itself: another line, another fault."""
+
+    resets = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Counts."""
+        self.resets += 1
+        for _ in range(50 * self.resets):
+            pass
+        super().reset(seed, options)
+
+
 @faulty("GK834")
 class FilmKept(LongRovers):
     """A film of the episode is kept until the reset."""

@@ -72,6 +72,23 @@ class GlobalGenerator(Traders):
             self.money[winner] += 1
 
 
+@faulty("GK602", also=("GK601",))
+class GlobalGeneratorReseeded(Rovers):
+    """Every reset begins the generator of the module random anew, and the steps draw from it.
+
+    No seed is given, so that the system chooses one.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Asks for another sequence."""
+        random.seed()
+        return super().reset(seed, options)
+
+    def drive(self, agent: str, action: int) -> None:
+        """Wheels spin."""
+        super().drive(agent, 0 if random.random() < 0.3 else action)
+
+
 @faulty("GK603")
 class SeedsRandom(Rovers):
     """The reset seeds the generator of the module random, for everybody.

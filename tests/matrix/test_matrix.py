@@ -48,10 +48,12 @@ def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -
         ("CopyLosesAView", "GK703", "GK701"),
         ("EachLookDraws", "GK635", "GK634"),
         ("EachLookDrawsGlobally", "GK635", "GK634"),
+        ("EpisodesReadAgain", "GK832", "GK833"),
         ("FlagsStayUp", "GK523", "GK604"),
-        ("InfosOfOneTrader", "GK527", "GK109"),
         ("GeneratorOfTheClass", "GK702", "GK607"),
         ("GeneratorOfTheModule", "GK702", "GK607"),
+        ("GlobalGeneratorReseeded", "GK601", "GK602"),
+        ("InfosOfOneTrader", "GK527", "GK109"),
         ("LevelsAreSeen", "GK620", "GK610"),
         ("NotRestored", "GK103", "GK604"),
         ("OneListForGood", "GK604", "GK102"),
@@ -64,6 +66,13 @@ def test_one_fault_is_one_cause(name: str, consequence: str, cause: str) -> None
     follows = seen(name).of(consequence).follows_from
     assert follows is not None
     assert follows.id == cause
+
+
+@pytest.mark.parametrize(("name", "ids"), [("EpisodesCounted", {"GK832", "GK833"})])
+def test_two_faults_are_two_causes(name: str, ids: set[str]) -> None:
+    """Neither passes once the other's cause is held still."""
+    failed = seen(name).failed
+    assert ids == {each.id for each in failed if each.follows_from is None}
 
 
 def _silent(verdict: Verdict) -> Iterator[str]:

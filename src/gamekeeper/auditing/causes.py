@@ -2,17 +2,22 @@
 
 from typing import Final
 
+from gamekeeper.auditing.draw_holds import (
+    entropy_held,
+    generators_held,
+    globals_held,
+    resets_held,
+    spaces_held,
+)
 from gamekeeper.auditing.holds import (
     Hold,
     actions_held,
     classes_held,
+    contents_held,
     copies_held,
     dead_steps_held,
     ended_held,
     entries_held,
-    entropy_held,
-    generators_held,
-    globals_held,
     infos_held,
     instances_held,
     missing_held,
@@ -21,10 +26,8 @@ from gamekeeper.auditing.holds import (
     observe_held,
     orders_held,
     readings_held,
-    resets_held,
     rewards_held,
     rosters_held,
-    spaces_held,
     state_held,
 )
 
@@ -91,6 +94,7 @@ HOLDS: Final = {
         entries_held,
         ("GK221", "GK402", "GK403", "GK407", "GK520", "GK527"),
     ),
+    "GK833": Hold("attributes emptied at each reset", contents_held, ("GK832",)),
     "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),
 }
 """By the check whose failure is a cause, in the order in which causes are established."""

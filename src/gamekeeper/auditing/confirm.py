@@ -47,8 +47,9 @@ NOT_RUN: Final = "the audit ended before its reproducer was run"
 UNSTABLE: Final = "its reproducer fails without the trigger too: the same episode differs by itself"
 
 
-ProgramEnd: TypeAlias = Literal["passed", "failed", "raised", "not run"]
-"""`raised`: by an exception of the environment's, not by what the program looked for."""
+ProgramEnd: TypeAlias = Literal["passed", "failed", "raised", "absent", "not run"]
+"""`raised`: by an exception of the environment's, not by what the program looked for; `absent`: the
+agent that the program looks for isn't there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,8 @@ class Confirmation:
     workers: Sequence[WarmWorker]
     beat: Callable[[], None]
     until_s: float | None
-    _seen: dict[str, bool] = field(default_factory=dict)
+    _seen: dict[tuple[str, ProgramEnd], bool] = field(default_factory=dict)
+    _absent: set[str] = field(default_factory=set)
     _raised: dict[str, str] = field(default_factory=dict)
     _told: dict[str, str] = field(default_factory=dict)
 
@@ -124,25 +126,35 @@ class Confirmation:
                 break
         return failed, tried
 
-    def passes(self, program: str) -> bool:
+    def passes(self, program: str, *, without: ProgramEnd = "passed") -> bool:
         """Tells whether a program passes in as many fresh processes.
 
+        Args:
+            program: the reproducer.
+            without: another end that is as good.
         Raises:
             TimeUpError: the time was over before that many had ended.
         """
-        if program not in self._seen:
-            self._seen[program] = all(set(ends) == {"passed"} for ends in self._rounds(program))
-        return self._seen[program]
+        key = program, without
+        if key not in self._seen:
+            ends = (set(each) <= {"passed", without} for each in self._rounds(program))
+            self._seen[key] = all(ends)
+        return self._seen[key]
 
     def passes_held(self, each: Programs, holds: Sequence[Hold]) -> bool:
         """Tells whether a finding's program passes once causes are held still.
 
         Where the whole episode raises then, as its actions are of another game, the shortest does.
+        So it is where an agent isn't there at its end: it may be gone with a cause that leaves the
+        draws alone.
         """
         whole, shortest = (each.held(p, holds) for p in (each.whole, each.finding.reproducer))
         if self.passes(whole):
             return True
-        return self._raised[whole] != "" and whole != shortest and self.passes(shortest)
+        if self._raised[whole] == "" and whole not in self._absent:
+            return False
+        is_same_game = len(holds) == 1 and not holds[0].is_general
+        return self.passes(shortest, without="absent" if is_same_game else "passed")
 
     def _rounds(self, program: str) -> Iterator[list[ProgramEnd]]:
         """Ends of processes, those beside each other together; what time cuts off tells nothing."""
@@ -161,7 +173,8 @@ class Confirmation:
             if limit_s < LIMIT_S and self.is_over:
                 raise TimeUpError
             ends = [each.result() for each in running]
-            _, self._raised[program], self._told[program] = ends[0]
+            end, self._raised[program], self._told[program] = ends[0]
+            self._absent |= {program} if end == "absent" else set()
             yield [end for end, _, _ in ends]
 
     def raised(self, findings: Iterable[Finding]) -> str:
@@ -241,7 +254,8 @@ def _end_in(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
         return "passed", "", ""
     is_shown = raised not in NOT_SHOWN or (raised in OF_LINES and at)
     end: ProgramEnd = "raised" if at and SPACES not in at else "failed"
-    end = end if is_shown else "not run"
+    if not is_shown:
+        end = "absent" if raised == "StopIteration" else "not run"
     return end, at and f"{at} {raised}: {text}", " ".join(outcome.value["told"].split())
 
 

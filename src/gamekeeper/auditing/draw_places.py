@@ -114,6 +114,7 @@ def entropy_lines(own: OwnCode) -> Iterator[list[str]]:
     places: tuple[tuple[Any, str, Callable[..., bool]], ...] = (
         (np.random.bit_generator, "randbits", lambda *args: True),
         (random.Random, "seed", lambda self, a=None, version=2: a is None),
+        (random, "seed", lambda a=None, version=2: a is None),
     )
     before = [getattr(owner, name) for owner, name, _ in places]
     for (owner, name, is_asked), call in zip(places, before, strict=True):

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from gamekeeper.auditing.agent_places import are_found_by_place
 from gamekeeper.auditing.class_state import ClassState
+from gamekeeper.auditing.draw_holds import hold_entropy
 from gamekeeper.auditing.evidence_memory import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
-from gamekeeper.auditing.holds import hold_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
 from gamekeeper.auditing.readings import AS_IT_IS, readings_of

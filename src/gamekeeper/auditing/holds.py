@@ -4,11 +4,11 @@ Each function takes the `make` of a reproducer and returns one that builds the s
 one cause held still. Its source stands at the head of the program, so it names nothing of ours.
 """
 
+import collections
 import contextlib
 import copy
 import gc
 import inspect
-import pickle
 import random
 import sys
 from collections.abc import Callable, Iterator
@@ -88,99 +88,6 @@ def put_global_states(states: tuple[Any, ...]) -> None:
         sys.modules["torch"].set_rng_state(states[2])
 
 
-def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Keeps what each environment draws from the global generators apart from all other draws.
-
-    They begin as in the audit, so that its actions fit: elsewhere where a reset's seed is another.
-    """
-
-    def seed_all(number: int) -> None:
-        np.random.seed(number)
-        random.seed(number)
-        if "torch" in sys.modules:
-            sys.modules["torch"].manual_seed(number)
-
-    def keep(env: Any) -> None:
-        env.__dict__["drawn_to"] = global_states()
-
-    def built() -> Any:
-        seed_all(764_309)
-        env = make()
-        cls = type(env)
-        keep(env)
-
-        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            put_global_states(self.__dict__["drawn_to"])
-            seed = kwargs.get("seed")
-            if seed is not None:
-                seed_all((764_309 + seed - globals().get("SEED", 0)) % 2**32)
-            out = cls.reset(self, *args, **kwargs)
-            keep(self)
-            return out
-
-        def step(self: Any, action: Any) -> Any:
-            put_global_states(self.__dict__["drawn_to"])
-            out = cls.step(self, action)
-            keep(self)
-            return out
-
-        return with_class(env, reset=reset, step=step)
-
-    return built
-
-
-def resets_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Seeds the global generators before an environment is built, and before each reset."""
-
-    def seed_all(env: Any = None) -> None:
-        np.random.seed(764_309)
-        random.seed(764_309)
-        if "torch" in sys.modules:
-            sys.modules["torch"].manual_seed(764_309)
-
-    def built() -> Any:
-        seed_all()
-        return make()
-
-    return before_resets(built, seed_all)
-
-
-def hold_entropy(bits: int = 0) -> Callable[[], None]:
-    """Gives the same bits whenever a generator asks the system for entropy.
-
-    Args:
-        bits: what is given; other bits make other draws.
-    Returns:
-        Puts things back.
-    """
-    places = (np.random.bit_generator, random.Random, random.SystemRandom)
-    own_seed = random.Random.seed
-
-    def seeded(self: Any, a: Any = None, version: int = 2) -> None:
-        own_seed(self, bits if a is None else a, version)
-
-    values = [
-        (places[0], "randbits", lambda count: bits),
-        (places[1], "seed", seeded),
-        (places[2], "random", lambda self: 0.5 / (1 + bits)),
-        (places[2], "getrandbits", lambda self, k: bits),
-    ]
-    before = [(place, name, getattr(place, name)) for place, name, _ in values]
-
-    def put(named: Any) -> None:
-        for place, name, value in named:
-            setattr(place, name, value)
-
-    put(values)
-    return lambda: put(before)
-
-
-def entropy_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Gives the same bits whenever a generator asks the system for entropy."""
-    hold_entropy()
-    return make
-
-
 def own_generators(root: Any) -> Iterator[Any]:
     """Random generators that an environment holds, itself or in what it holds."""
     seen: dict[int, Any] = {}
@@ -196,57 +103,6 @@ def own_generators(root: Any) -> Iterator[Any]:
             waiting += gc.get_referents(each)
 
 
-def is_data(value: Any) -> bool:
-    """Tells whether a value is made of numbers, texts and arrays alone."""
-    if isinstance(value, dict):
-        value = [*value, *value.values()]
-    if isinstance(value, list | tuple | set | frozenset):
-        return all(map(is_data, value))
-    return isinstance(value, int | float | str | bytes | np.ndarray | np.generic | None)
-
-
-def drawn_by_constructor(make: Callable[[], Any]) -> dict[str, Any]:
-    """Attributes that are data, and other data where the system's entropy is; held thereafter."""
-    hold_entropy(1)
-    other = vars(make().unwrapped)
-    hold_entropy()
-    both = {name: [value, other.get(name)] for name, value in vars(make().unwrapped).items()}
-    return {
-        name: pair[0]
-        for name, pair in both.items()
-        if is_data(pair) and pickle.dumps(pair[0]) != pickle.dumps(pair[1])
-    }
-
-
-def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Restarts the environment's own generators at each reset, and holds the system's entropy.
-
-    What the constructor drew is put back there too: a seed came too late for it.
-    """
-    drawn = drawn_by_constructor(make)
-
-    def restart(env: Any) -> None:
-        vars(env.unwrapped).update(copy.deepcopy(drawn))
-        for each in own_generators(env):
-            if isinstance(each, np.random.RandomState | random.Random):
-                each.seed(0)
-            else:
-                each.bit_generator.state = type(each.bit_generator)(0).state
-
-    return before_resets(make, restart)
-
-
-def spaces_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Seeds the spaces of all possible agents at each reset."""
-
-    def seed(env: Any) -> None:
-        for agent in env.possible_agents:
-            env.observation_space(agent).seed(0)
-            env.action_space(agent).seed(0)
-
-    return before_resets(make, seed)
-
-
 def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Resets a fresh instance in place of a used one."""
 
@@ -255,6 +111,21 @@ def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
         env.__dict__.update(make().__dict__)
 
     return before_resets(make, renew)
+
+
+def contents_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Gives lists, dictionaries and the like the content of the constructor at each reset."""
+
+    def built() -> Any:
+        env = make()
+        kinds = list, dict, set, collections.deque
+        own = {name: each for name, each in vars(env.unwrapped).items() if isinstance(each, kinds)}
+        env.__dict__["built_with"] = copy.deepcopy(own)
+        return env
+
+    return before_resets(
+        built, lambda env: vars(env.unwrapped).update(copy.deepcopy(env.__dict__["built_with"]))
+    )
 
 
 def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -327,7 +198,19 @@ def observations_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def infos_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Copies each info before it is handed out."""
+    """Copies each info as it is put into `infos`, and before it is handed out."""
+
+    class Infos(dict):  # type: ignore[type-arg]  # in a program no name of typing is known
+        def __setitem__(self, key: Any, value: Any) -> None:
+            super().__setitem__(key, copied(value))
+
+    def copied(value: Any) -> Any:
+        if not isinstance(value, dict):
+            return copy.deepcopy(value)
+        own = Infos()
+        for key, each in value.items():
+            own[key] = each
+        return own
 
     def changed(env: Any, out: Any, before: Any) -> Any:
         if out is None:
@@ -335,7 +218,19 @@ def infos_held(make: Callable[[], Any]) -> Callable[[], Any]:
             return None
         return (*out[:-1], {agent: copy.deepcopy(info) for agent, info in out[-1].items()})
 
-    return _with_outputs(make, changed)
+    def built() -> Any:
+        env = make()
+        rules = env.unwrapped
+        cls: Any = type(rules)
+
+        def put(self: Any, name: str, value: Any) -> None:
+            cls.__setattr__(self, name, copied(value) if name == "infos" else value)
+
+        if hasattr(cls, "agent_iter"):  # of another form nothing is kept in `infos`
+            with_class(rules, __setattr__=put)
+        return env
+
+    return _with_outputs(built, changed)
 
 
 def state_held(make: Callable[[], Any]) -> Callable[[], Any]:

@@ -1,10 +1,11 @@
 """Checks of legal and illegal actions."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from gymnasium.spaces import Discrete
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
@@ -18,6 +19,7 @@ from gamekeeper.checks.spaces.action_masks import (
     is_legal,
     mask_of,
     mask_parts,
+    mask_places,
     stands_elsewhere,
     without_masks,
 )
@@ -291,6 +293,32 @@ UNFINISHED: Final = (
 )
 
 
+def _allowed_proof(
+    contract: Contract, taken: LegalTurn, known: Mapping[str, Any]
+) -> Reproducer | str:
+    """Lines that step as long as the mask allows it, where it has a flag for each action."""
+    turn, agent = taken.turn, taken.agent
+    space = None if agent is None else known.get(agent)
+    if agent is None or not isinstance(space, Discrete):
+        return UNFINISHED
+    seen, info = turn.observations.get(agent), turn.infos.get(agent)
+    places = (name for name, read in mask_places(contract, agent) if read(seen, info) is not None)
+    side, _, path = next(places).partition(".")
+    keys = "".join(f"[{key!r}]" for key in path.split("."))
+    offset = f" - {space.start}" if space.start else ""
+    return Reproducer(
+        "env = make()\n"
+        "env.reset(seed=SEED)\n"
+        "for action in ACTIONS:\n"
+        f"    mask = env.last()[{0 if side == 'observation' else -1}]\n"
+        f"    if action is not None and not mask{keys}[action{offset}]:\n"
+        "        break\n"
+        "    env.step(action)\n"
+        "# nothing more: a step above raised, and the mask given before it allows its action",
+        plays=False,
+    )
+
+
 @check(
     "GK235",
     HIGH,
@@ -313,9 +341,10 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
 
     Fix: make the mask from the state that the action will meet, for the agent that will act
     """
-    turns = list(legal_turns(contract, evidence))
+    turns, known = list(legal_turns(contract, evidence)), spaces_of(evidence, "action")
     for taken in turns if _may_blame_masks(turns) else ():
         if taken.is_masked:
             where = taken.episode.at(taken.turn, taken.agent, "raised")
             expected = "a step that takes what the masks allow"
-            yield Case(where, taken.raised is None, expected, taken.raised, UNFINISHED)
+            proof = _allowed_proof(contract, taken, known) if taken.raised else UNFINISHED
+            yield Case(where, taken.raised is None, expected, taken.raised, proof)
