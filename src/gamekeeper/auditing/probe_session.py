@@ -96,7 +96,7 @@ class Called:
     @property
     def said(self) -> str | None:
         """The exception in words; None where there was none."""
-        return None if self.failed is None else f"{self.failed.kind}: {self.failed.text}"
+        return None if self.failed is None else self.failed.said
 
 
 @dataclass(slots=True)
@@ -255,6 +255,14 @@ class ProbeSession:
             self.base = played.play
         return played
 
+    def after(self, before: EpisodePlan, play: EpisodePlan, times: int = 1) -> EpisodeResult:
+        """Plays in an instance in which another episode was played before, so many times."""
+        with held():
+            env = self.env()
+        for _ in range(times):
+            self.play(before, env)
+        return self.play(play, env)
+
     def counterfactual(
         self,
         base: EpisodeResult,
@@ -295,6 +303,12 @@ class ProbeSession:
             text = traceback_text(error, limit=-12)
             kind = type_name_of(type(error))
             return Called(failed=FailedCall(name, 0, kind, message(error)[:500], text))
+
+    def reset(self, env: Any, play: EpisodePlan) -> Called:
+        """A reset with the play's seed and options, for probes with a loop of their own."""
+        options = None if play.options is None else dict(play.options)
+        given = {"seed": play.seed, "options": options}
+        return self.call("reset", env.reset, **{k: v for k, v in given.items() if v is not None})
 
     def step(self, env: Any, actions: Any) -> Called:
         """A counted step, for probes with a loop of their own."""

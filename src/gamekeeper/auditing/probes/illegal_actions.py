@@ -61,7 +61,7 @@ def illegal(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             env = session.env()
             if again.call != "reset" and not is_alike:
                 again = None  # the same actions aren't always legal: nothing can be said here
-        said = None if again is None else f"{again.call} raised {again.kind}: {again.text}"
+        said = None if again is None else f"{again.call} raised {again.said}"
         value = TriedAction(
             **done, is_legal=case.name in RARE, case=case.name, action=case.actions, again=said
         )
@@ -174,8 +174,7 @@ def _tried(
 ) -> dict[str, Any] | None:
     """Result of the illegal step; None where the legal actions before it went otherwise."""
     play = played.play
-    options = {} if play.options is None else {"options": dict(play.options)}
-    if session.call("reset", env.reset, seed=play.seed, **options).failed is not None:
+    if session.reset(env, play).failed is not None:
         return None
     for actions in (play.actions or ())[: case.turn]:
         if session.step(env, session.handed(dict(actions))).failed is not None:
@@ -183,12 +182,11 @@ def _tried(
     with warnings.catch_warnings():  # of NaN that was handed in: no news to anybody
         warnings.simplefilter("ignore")
         done = session.step(env, session.handed(dict(case.actions)))
-    failed = done.failed
     return {
-        "raised": None if failed is None else f"{failed.kind}: {failed.text}",
+        "raised": done.said,
         "reward": _paid(session, env, done, case.agent),
         "legal_reward": case.legal,
-        "is_over": failed is None and _is_over(session, env, done, case.agent),
+        "is_over": done.failed is None and _is_over(session, env, done, case.agent),
     }
 
 

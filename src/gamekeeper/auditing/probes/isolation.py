@@ -141,14 +141,10 @@ class _Beside:
             if turn == 0:
                 self._session.call("reset", self._env.reset, seed=self._seed)
             elif turn <= len(self._actions):
-                self._step(self._actions[turn - 1])
-
-    def _step(self, actions: Actions) -> None:
-        if self._session.api == "aec":
-            self._session.call("last", self._env.last)
-            self._session.step(self._env, next(iter(actions.values()), None))
-        else:
-            self._session.step(self._env, dict(actions))
+                if self._session.api == "aec":
+                    self._session.call("last", self._env.last)
+                handed = self._session.handed(dict(self._actions[turn - 1]))
+                self._session.step(self._env, handed)
 
 
 MOST_TURNS: Final = 100

@@ -59,12 +59,9 @@ def written(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         for kind in kinds:
             yield session.fact(WrittenValues(writes=pen.count[kind], seen=None), field=kind)
         return
-    if not all(
-        _bears(session, base, asked) for _ in range(SURE)
-    ):  # it differs by itself, now and then
-        return
-    for kind in kinds:
-        yield _alone(session, kind, base)
+    if all(_bears(session, base, asked) for _ in range(SURE)):  # else it does so now and then
+        for kind in kinds:
+            yield _alone(session, kind, base)
 
 
 def _bears(session: ProbeSession, base: EpisodeResult, kinds: tuple[str, ...]) -> bool:
@@ -91,7 +88,7 @@ def _alone(session: ProbeSession, kind: str, base: EpisodeResult) -> Fact[Writte
         return session.fact(WrittenValues(writes=pen.count.get(kind, 0), seen=None), field=kind)
     seen = first_divergence_words(found)
     if played.failed is not None:
-        seen = f"{played.failed.call} raises {played.failed.kind}: {played.failed.text}"
+        seen = f"{played.failed.call} raises {played.failed.said}"
     value = WrittenValues(writes=pen.count.get(kind, 0), seen=seen)
     return session.fact(
         value, turn=env_steps_of(found), field=kind, proof=_proof(session.api, kind)

@@ -14,7 +14,7 @@ from gamekeeper.checks.facts.seed_facts import (
     SettledElsewhere,
     UnmovedGenerator,
 )
-from gamekeeper.checks.literal import literal
+from gamekeeper.checks.literal import step_literal
 from gamekeeper.checks.paired_episodes import (
     difference_place,
     ignores_seeds,
@@ -264,14 +264,14 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Case
 
 def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Reproducer:
     seed, actions = (0, ()) if other is None else (other.seed, other.actions)
-    turns = [dict(a) if api == "parallel" else next(iter(a.values()), None) for a in actions]
+    turns = ", ".join(step_literal(api, each) for each in actions)
     return program(
         api,
         "alone = play(make())",
         "env, other = make(), make()",
         "calls = [lambda: None]",
         f"calls += [lambda: other.reset(seed={seed})]",
-        f"calls += [lambda actions=actions: other.step(actions) for actions in {literal(turns)}]",
+        f"calls += [lambda actions=actions: other.step(actions) for actions in [{turns}]]",
         "calls = iter(calls)",
         "alike(alone, play(env, between=lambda: next(calls, lambda: None)()))",
         tells=tells,

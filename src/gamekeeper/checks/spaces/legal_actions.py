@@ -11,7 +11,7 @@ from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.episode_facts import RaisedCall
-from gamekeeper.checks.literal import literal
+from gamekeeper.checks.literal import step_literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
 from gamekeeper.checks.spaces.action_masks import (
     fits,
@@ -93,8 +93,6 @@ def illegal_proof(api: str, turn: int | None, value: TriedAction, then: str) -> 
         value: what was tried.
         then: lines that raise; `out` is what the step gave, `error` what it raised.
     """
-    actions = value.action
-    handed = literal(dict(actions) if api == "parallel" else next(iter(actions.values()), None))
     return Reproducer(
         "env = make()\n"
         "env.reset(seed=SEED)\n"
@@ -102,7 +100,7 @@ def illegal_proof(api: str, turn: int | None, value: TriedAction, then: str) -> 
         "    env.step(actions)\n"
         "out = error = None\n"
         "try:\n"
-        f"    out = env.step({handed})\n"
+        f"    out = env.step({step_literal(api, value.action)})\n"
         "except Exception as raised:\n"
         "    error = raised\n"
         f"{then}",
