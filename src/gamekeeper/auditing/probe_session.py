@@ -342,11 +342,6 @@ class ProbeSession:
         """The actions of a turn as `step` takes them: in an AEC environment the only one."""
         return actions if self.api == "parallel" else next(iter(actions.values()), None)
 
-    def script(self, play: EpisodePlan, actions: list[Mapping[Any, Any]]) -> None:
-        """Notes what was played, where a probe has a loop of its own."""
-        if self.base is None:
-            self.base = replace(play, actions=tuple(actions), most_turns=max(len(actions), 1))
-
     def for_probe(self, probe: str, ration: int) -> ProbeSession:
         """The same session for another probe."""
         return replace(self, probe=probe, ration=ration, number=0, base=None, _made=[])

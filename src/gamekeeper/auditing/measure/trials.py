@@ -4,7 +4,7 @@ Every look stands against the unchanged rerun, and stops where that differs. Pur
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -272,8 +272,3 @@ def _all(trials: Iterable[Fact[MoveTrial]]) -> Iterator[tuple[MoveTrial, MoveLoo
 def ahead(trials: Trials) -> int:
     """Rounds after a move that were looked at, at most."""
     return max((fact.value.ahead for fact in trials), default=0)
-
-
-def shares(signs: Mapping[str, Within]) -> str:
-    """Looks and hits by reason, in words."""
-    return ", ".join(f"{name} {each.hits} of {each.looks}" for name, each in signs.items())

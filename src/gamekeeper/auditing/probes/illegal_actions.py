@@ -228,9 +228,8 @@ def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     extra = _extra(played)
     if extra is None:
         return
-    cut = _cut(played, extra)
-    first, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
-    ways: Any = {}, first, other, {}  # the same again last: there shows what use alone changes
+    cut, both = _cut(played, extra), _ways(extra)
+    ways: Any = {}, *both, {}  # the same again last: there shows what use alone changes
     answers = [_answers(session, env, cut, way) for way in ways]
     outcomes, raised = [each for each, _ in answers], [each for _, each in answers]
     if outcomes[0] != outcomes[-1]:  # what state() gives may hold more than the game
@@ -238,17 +237,15 @@ def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if raised[0] or raised[-1] or outcomes[0] != outcomes[-1]:
         return  # it isn't the same game twice: nothing can be blamed on the actions
     if raised[1] or raised[2]:
-        refused = EndedActions(agents=list(extra), raised=raised[1] or raised[2], turn=None)
-        yield session.fact(refused, field="ended_acts")
+        yield session.fact(EndedActions(list(extra), None), field="ended_acts")
         return
     turn = next(
         (t for t, given in enumerate(zip(*outcomes, strict=False)) if len({*given}) > 1), None
     )
-    value = EndedActions(agents=list(extra), raised=None, turn=turn)
     end = len(cut.actions or ()) if turn is None else turn
     is_in_state = len({tuple(text for text, _ in outcome) for outcome in outcomes}) == 1
     proof = _proof(extra, with_state=turn is not None and is_in_state)
-    yield session.fact(value, turn=end, field="ended_acts", proof=proof)
+    yield session.fact(EndedActions(list(extra), turn), turn=end, field="ended_acts", proof=proof)
 
 
 def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
@@ -262,6 +259,11 @@ def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
         if ends[agent] == first < len(turns) - 1 and len(own) > 1:
             found[agent] = tuple(own.values())[:2]
     return found or None
+
+
+def _ways(extra: Mapping[Any, tuple[Any, Any]]) -> list[dict[Any, Any]]:
+    """The first actions of all of them, and the second ones."""
+    return [{agent: acts[way] for agent, acts in extra.items()} for way in (0, 1)]
 
 
 def _cut(played: EpisodeResult, extra: Mapping[Any, Any]) -> EpisodePlan:
@@ -298,7 +300,7 @@ def _with(
 
 
 def _proof(extra: Mapping[Any, tuple[Any, Any]], *, with_state: bool) -> Reproducer:
-    once, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
+    once, other = _ways(extra)
     state = "        given.append(env.state())\n" if with_state else ""
     lines = f"""\
 def answers(gone):

@@ -178,25 +178,23 @@ def _after_end(session: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
     latest: dict[Any, Any] = {}
     for actions in base.play.actions or ():
         latest.update(actions)
-    actions, called, gave = latest, Called(), ""
+    actions, gave = latest, ""
     for actions in [latest, *turns] if session.api == "parallel" else turns:
-        called, gave = _step(session, env, actions)
+        gave = _step(session, env, actions)
         if gave:
             break
-    value, end = StepAfterEnd(raised=_kind(called.failed), gave=gave), len(base.play.actions or ())
-    proof = goes_on(session.api, actions, plays=True)
-    return session.fact(value, turn=end, field="after_end", proof=proof)
+    end, proof = len(base.play.actions or ()), goes_on(session.api, actions, plays=True)
+    return session.fact(StepAfterEnd(gave), turn=end, field="after_end", proof=proof)
 
 
-def _step(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
-    """A step where none should be, and what came of it in words."""
+def _step(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> str:
+    """Result of a step where none should be, in words."""
     called = session.step(env, session.handed(dict(actions)))
     if session.api == "aec":
         left = session.call("agents", getattr, env, "agents").value
-        return called, f"a turn, and {left} go on" if called.failed is None and left else ""
+        return f"a turn, and {left} go on" if called.failed is None and left else ""
     out = called.value if isinstance(called.value, tuple) else ()
-    gave = [name for name, part in zip(LEARNED, out[1:4], strict=False) if part]
-    return called, ", ".join(gave)
+    return ", ".join(name for name, part in zip(LEARNED, out[1:4], strict=False) if part)
 
 
 def _resets(
@@ -249,7 +247,8 @@ def _dead_action(
     agent = session.call("agent_selection", getattr, env, "agent_selection").value
     own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
     if own and is_dead(session, env):
-        value = DeadAction(agent=agent, raised=_kind(session.step(env, own[-1]).failed))
+        failed = session.step(env, own[-1]).failed
+        value = DeadAction(agent=agent, raised=None if failed is None else failed.kind)
         proof = refuses(own[-1])
         yield session.fact(value, turn=turn, agent=agent, field="dead_action", proof=proof)
 
@@ -305,15 +304,10 @@ def _closed(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Sa
     if session.number == 0:
         raised["before any reset"] = _words(session.call("close", session.make().close).failed)
         for actions in (base.play.actions or ())[:1]:
-            called, gave = _step(session, session.make(), actions)
-            value = StepBeforeReset(raised=_kind(called.failed), gave=gave)
+            value = StepBeforeReset(_step(session, session.make(), actions))
             proof = goes_on(session.api, actions, plays=False)
             yield session.fact(value, turn=1, field="unborn_step", proof=proof)
     yield session.fact(Closings(raised), field="close")
-
-
-def _kind(failed: FailedCall | None) -> str | None:
-    return None if failed is None else failed.kind
 
 
 def _words(failed: FailedCall | None) -> str | None:

@@ -69,9 +69,9 @@ def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     yield session.fact(TurnRosters(rosters), field="agents")
     if session.api == "aec":
         yield session.fact(SelectedAgents(selected), field="agent_selection")
-    if played.failed is not None:
-        failed = played.failed
-        raised = RaisedCall(failed.call, failed.kind, failed.text, failed.traceback)
+    failed = played.failed
+    if failed is not None:
+        raised = RaisedCall(failed.call, failed.kind, failed.text)
         yield session.fact(raised, turn=failed.turn, field="raised")
 
 

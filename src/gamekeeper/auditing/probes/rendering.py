@@ -119,8 +119,8 @@ def _mode(
     filmed = session.play(base.play, made.value, watch=camera)
     change = {"change": "Rendered", "mode": mode}
     yield session.beside(still.episode, unchanged_rerun.episode, filmed.episode, change)
-    film = RenderedEpisode(mode, options, moves(filmed.episode), camera.shots)
-    yield session.fact(film, field="render")
+    rendered = RenderedEpisode(mode, options, moves(filmed.episode), camera.shots)
+    yield session.fact(rendered, field="render")
     yield session.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
     if session.divergence(base.episode, unchanged_rerun.episode) is None:
         env, again = made.value, base.play
@@ -129,7 +129,7 @@ def _mode(
             yield session.fact(SecondFrame(mode, options, digest))
     turns = len(base.play.actions or ())
     last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
-    for first in sorted({*last, *map(film.since, last)} - {0}):
+    for first in sorted({*last, *map(rendered.since, last)} - {0}):
         late = Camera(session, first=first)
         refilmed = session.play(base.play, built().value, watch=late)
         is_same = session.divergence(filmed.episode, refilmed.episode) is None

@@ -181,13 +181,9 @@ def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> 
         episodes = list(evidence["rollout"])
     p_values = p_by_role(episodes, roles)
     for role, p in zip(p_values, holm(list(p_values.values())), strict=True):
-        yield Case(
-            Where("all rollouts", field=role),
-            p > LEVEL,
-            f"agents of {role!r} have equal results with random actions",
-            f"they don't in {len(episodes)} episodes (p = {p:.4f})",
-            proof=reproducer_of(
-                agents_fare_alike, agents=roles[role], episodes=EPISODES, level=LEVEL
-            ),
-            confidence=1 - p if p <= LEVEL else None,
-        )
+        where = Where("all rollouts", field=role)
+        is_ok = p > LEVEL
+        expected = f"agents of {role!r} have equal results with random actions"
+        seen = f"they don't in {len(episodes)} episodes (p = {p:.4f})"
+        proof = reproducer_of(agents_fare_alike, agents=roles[role], episodes=EPISODES, level=LEVEL)
+        yield Case(where, is_ok, expected, seen, proof, confidence=1 - p if p <= LEVEL else None)

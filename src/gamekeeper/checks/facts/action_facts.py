@@ -33,15 +33,13 @@ class TriedAction:
 
 @dataclass(frozen=True, slots=True)
 class EndedActions:
-    """Actions of agents that have ended; without `raised` and `turn` they made no difference.
+    """Actions of agents that have ended.
 
     Attributes:
-        raised: the class of the exception.
-        turn: the first at which what is given differs.
+        turn: the first at which what is given differs; None where they made no difference.
     """
 
     agents: list[Any]
-    raised: str | None
     turn: int | None
 
 

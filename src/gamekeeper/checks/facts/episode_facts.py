@@ -50,7 +50,6 @@ class RaisedCall:
     call: str
     kind: str
     text: str
-    traceback: str
 
 
 @dataclass(frozen=True, slots=True)

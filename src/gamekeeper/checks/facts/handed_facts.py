@@ -75,7 +75,6 @@ class WrittenValues:
         seen: how the episode went another way, in words.
     """
 
-    writes: int
     seen: str | None
 
 

@@ -9,11 +9,9 @@ class StepAfterEnd:
     """A step after the end of an episode.
 
     Attributes:
-        raised: the class of the exception.
         gave: what came of it, in words; empty where nothing did.
     """
 
-    raised: str | None
     gave: str
 
 

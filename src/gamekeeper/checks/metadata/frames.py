@@ -95,13 +95,9 @@ def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Cases:
         seen = fact.value
         if seen.taken and not seen.is_missing:
             failed = seen.failed
-            yield Case(
-                fact.where,
-                failed is None,
-                f"an environment in mode {seen.mode!r}",
-                failed or "an environment",
-                proof=Reproducer("make()", plays=False, options=seen.options),
-            )
+            expected = f"an environment in mode {seen.mode!r}"
+            proof = Reproducer("make()", plays=False, options=seen.options)
+            yield Case(fact.where, failed is None, expected, failed or "an environment", proof)
 
 
 PROMISED: Final = {
@@ -284,13 +280,10 @@ def frames_move(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for looks in films.values():
         is_ok = any(different > 1 for _, different in looks)
         fact, different = looks[0]
-        yield Case(
-            replace(fact.where, turn=None, field="frames"),
-            is_ok,
-            "frames that change as the game moves",
-            f"{different} different frame",
-            proof=reproducer_of(moving_frames, options=fact.value.options),
-        )
+        where = replace(fact.where, turn=None, field="frames")
+        seen = f"{different} different frame"
+        proof = reproducer_of(moving_frames, options=fact.value.options)
+        yield Case(where, is_ok, "frames that change as the game moves", seen, proof)
 
 
 RENDERING_LINES = (
@@ -429,17 +422,17 @@ def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
     first, second = evidence.facts(FirstFrame), evidence.facts(SecondFrame)
     taken: list[Fact[FirstFrame] | Fact[SecondFrame]] = [*first, *second]
     for fact in sorted(taken, key=lambda each: each.where.play):
-        film, digest = films.get(_key(fact)), fact.value.digest
+        rendered, digest = films.get(_key(fact)), fact.value.digest
         turn = fact.value.turn if isinstance(fact.value, FirstFrame) else 0
-        shot = None if film is None else film.shown(turn)
-        if film is None or shot is None or digest is None:
+        shot = None if rendered is None else rendered.shown(turn)
+        if rendered is None or shot is None or digest is None:
             continue
         if isinstance(fact.value, FirstFrame):
-            earlier = (fresh.get((*_key(fact), t)) for t in (turn - 1, film.since(turn)))
-            is_old, lines = shot in (film.shots[0].digest, *earlier), LATE
+            earlier = (fresh.get((*_key(fact), t)) for t in (turn - 1, rendered.since(turn)))
+            is_old, lines = shot in (rendered.shots[0].digest, *earlier), LATE
             where, seen = replace(fact.where, turn=turn, field="late"), "an earlier frame"
         else:
-            is_old, lines = digest == film.shots[-1].digest, AGAIN
+            is_old, lines = digest == rendered.shots[-1].digest, AGAIN
             where, seen = replace(fact.where, field="again"), "the last frame of the episode before"
         is_ok = not (is_old and shot != digest)
         lines = lines.format(step=_step(evidence.api))

@@ -105,6 +105,7 @@ def _by_agent(work: TurnWork, name: str) -> list[float]:
     return [value / max(now / live[0], 1.0) for value, now in zip(series, live, strict=True)]
 
 
+REPEATED: Final = "several episodes, one after the other, that were played to their end"
 EPISODE_COST_WARM: Final = 2
 """Episodes in which caches may fill."""
 EPISODE_COST_FACTOR: Final = 1.1
@@ -121,12 +122,7 @@ assert costs[-1][{column}] < 1.1 * costs[0][{column}], ('lines and bytes by epis
 """
 
 
-@check(
-    "GK832",
-    LOW,
-    "repeated",
-    looks_at="several episodes, one after the other, that were played to their end",
-)
+@check("GK832", LOW, "repeated", looks_at=REPEATED)
 def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of an episode doesn't grow with the number of episodes before it.
 
@@ -184,12 +180,7 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
 """
 
 
-@check(
-    "GK833",
-    LOW,
-    "repeated",
-    looks_at="several episodes, one after the other, that were played to their end",
-)
+@check("GK833", LOW, "repeated", looks_at=REPEATED)
 def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode leaves no memory behind: what is in use doesn't grow from episode to episode.
 
@@ -215,13 +206,11 @@ def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -
         ]
         most = LINE_BYTES + NUMBER_BYTES * len(evidence.agents)
         middle, error = mean(left), 3 * stdev(left) / len(left) ** 0.5
-        yield Case(
-            replace(fact.where, field="episodes.memory"),
-            middle - error < most,
-            f"less than {most} bytes more an episode",
-            f"{middle - error:.0f} to {middle + error:.0f} bytes more an episode",
-            proof=_traced(evidence.api, EPISODE_MEMORY_PROOF, "gc", most=most),
-        )
+        where = replace(fact.where, field="episodes.memory")
+        is_ok = middle - error < most
+        seen = f"{middle - error:.0f} to {middle + error:.0f} bytes more an episode"
+        proof = _traced(evidence.api, EPISODE_MEMORY_PROOF, "gc", most=most)
+        yield Case(where, is_ok, f"less than {most} bytes more an episode", seen, proof)
 
 
 LEAST_BYTES: Final = 32 << 10

@@ -199,13 +199,11 @@ def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
             "carried": f", with the {told.carried!r} that it gave at the turn before",
             "again": ", the same more than once",
         }.get(kind, "")
-        yield Case(
-            told.episode.at(told.turn, told.agent, "cumulative_reward"),
-            kind not in ("carried", "again"),
-            f"{told.owed!r}, the sum of `rewards` since its last turn",
-            f"last() gives {told.told!r}{more}",
-            proof=reproducer_of(rewards_add_up),
-        )
+        where = told.episode.at(told.turn, told.agent, "cumulative_reward")
+        is_ok = kind not in ("carried", "again")
+        expected = f"{told.owed!r}, the sum of `rewards` since its last turn"
+        seen = f"last() gives {told.told!r}{more}"
+        yield Case(where, is_ok, expected, seen, reproducer_of(rewards_add_up))
 
 
 RESET_DEBT_PROOF: Final = """\

@@ -203,13 +203,9 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
                 continue  # no dictionary, so no entry: GK110
             bad = [(a, p) for a in sorted(each.missing) for p in _owed(each, a)]
             for agent, part in bad:
-                yield Case(
-                    entry_place(episode, each.turn, agent, part),
-                    False,
-                    "an entry, as the agent is live",
-                    "no entry",
-                    proof=LIVING.format(book=PARTS[part]),
-                )
+                where = entry_place(episode, each.turn, agent, part)
+                proof = LIVING.format(book=PARTS[part])
+                yield Case(where, False, "an entry, as the agent is live", "no entry", proof)
             if not bad and not misshapen:
                 yield Case(episode.at(each.turn, None, "agents"), True)
 
@@ -308,13 +304,9 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
         for fact in evidence.facts(BookEntries):
             for turn, books in enumerate(fact.value.turns):
                 agents = books.missing.get("infos", ())
-                yield Case(
-                    replace(fact.where, turn=turn, field="infos"),
-                    not agents,
-                    "an entry for every agent in agents",
-                    f"none for {', '.join(agents)}",
-                    proof=IN_BOOKS,
-                )
+                where = replace(fact.where, turn=turn, field="infos")
+                seen = f"none for {', '.join(agents)}"
+                yield Case(where, not agents, "an entry for every agent in agents", seen, IN_BOOKS)
         return
     answers = any(fact.value.infos_answer for fact in evidence.facts(ReturnedForms))
     misshapen = _misshapen(evidence)
@@ -369,13 +361,10 @@ def reset_returns_two_dictionaries_and_step_five(
                 yield Case(where, not wrong, LAST, wrong, proof=PROOF_AEC)
                 continue
             field = "what step returns" if turn else "what reset returns"
-            yield Case(
-                replace(fact.where, turn=turn, field=field),
-                not wrong,
-                EXPECTED[not turn],
-                wrong,
-                proof=reproducer_of(gives_dictionaries),
-            )
+            is_ok = not wrong
+            expected = EXPECTED[not turn]
+            proof = reproducer_of(gives_dictionaries)
+            yield Case(replace(fact.where, turn=turn, field=field), is_ok, expected, wrong, proof)
 
 
 GONE_VIEWS: Final = f"""\

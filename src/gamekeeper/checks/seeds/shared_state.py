@@ -125,14 +125,9 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
             yield Case(fact.where, True, "as it was", "as it was")
         elif isinstance(fact.value, MovedGenerator):
             name, call = fact.value.generator, fact.value.call
-            yield Case(
-                fact.where,
-                False,
-                "as it was",
-                f"{name} was seeded or drawn from in {call}",
-                _global_generator_proof(evidence.api, name),
-                lines=fact.value.lines,
-            )
+            seen = f"{name} was seeded or drawn from in {call}"
+            proof = _global_generator_proof(evidence.api, name)
+            yield Case(fact.where, False, "as it was", seen, proof, lines=fact.value.lines)
 
 
 def _global_generator_proof(api: str, name: str) -> Reproducer:

@@ -108,13 +108,10 @@ def observations_are_of_their_own_agent(contract: Contract, evidence: ProbeEvide
         for agent in sorted(naming):
             whose = _whose(agent, owners, given)
             if whose is not None:
-                yield Case(
-                    episode.at(1, agent, "observations"),
-                    whose == agent,
-                    "its own number, as at the reset",
-                    f"number {place} of the observations that steps give is {whose!r}'s",
-                    reproducer_of(assert_keeps_its_number, agent=agent, place=place),
-                )
+                where = episode.at(1, agent, "observations")
+                seen = f"number {place} of the observations that steps give is {whose!r}'s"
+                proof = reproducer_of(assert_keeps_its_number, agent=agent, place=place)
+                yield Case(where, whose == agent, "its own number, as at the reset", seen, proof)
         return
 
 

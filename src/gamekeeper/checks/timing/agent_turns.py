@@ -125,13 +125,11 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> C
     """
     for each, agent, has_ended in departures(evidence):
         if has_ended and not may_leave(contract, agent):  # of one without flags GK501 tells
-            yield Case(
-                each.episode.at(each.turn + 1, agent, "agents"),
-                agent == each.actor and each.is_dead,
-                "removed by its own None step",
-                f"removed by the step of {each.actor!r}, so its end can't be read",
-                proof=reproducer_of(dead_turns_are_taken),
-            )
+            where = each.episode.at(each.turn + 1, agent, "agents")
+            is_ok = agent == each.actor and each.is_dead
+            seen = f"removed by the step of {each.actor!r}, so its end can't be read"
+            proof = reproducer_of(dead_turns_are_taken)
+            yield Case(where, is_ok, "removed by its own None step", seen, proof)
 
 
 @check("GK303", HIGH, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
@@ -209,13 +207,10 @@ def _waits(play: list[AecStep]) -> Cases:
             most = max(LEAST_TURNS, ROUNDS * len(each.before))
             if each.turn - turn >= most and agent != each.actor and agent not in told:
                 told.add(agent)
-                yield Case(
-                    each.episode.at(each.turn, agent, "agent_selection"),
-                    False,
-                    "selected for its None turn",
-                    f"ended {each.turn - turn} turns ago, waiting",
-                    proof=reproducer_of(dead_agents_wait, agent=agent, most=most),
-                )
+                where = each.episode.at(each.turn, agent, "agent_selection")
+                seen = f"ended {each.turn - turn} turns ago, waiting"
+                proof = reproducer_of(dead_agents_wait, agent=agent, most=most)
+                yield Case(where, False, "selected for its None turn", seen, proof)
 
 
 @check("GK305", MEDIUM, "lifecycle", api="aec")

@@ -270,8 +270,6 @@ def binned_line(
     title: str,
     x: Sequence[int],
     series: Mapping[str, FloatArray],
-    *,
-    note: str = "",
 ) -> Chart:
     """A line for each series; of many points, means of neighbours with their 5 to 95 % range.
 
@@ -289,8 +287,7 @@ def binned_line(
             line["low"] = [finite(quantile_of(part, 0.05)) for part in parts]
             line["high"] = [finite(quantile_of(part, 0.95)) for part in parts]
         lines.append(line)
-    if size > 1:
-        note = f"Means of {size} episodes each, with their 5 to 95 % range. {note}".strip()
+    note = f"Means of {size} episodes each, with their 5 to 95 % range." if size > 1 else ""
     return {
         "id": id,
         "kind": "line",
