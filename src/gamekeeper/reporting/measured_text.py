@@ -77,11 +77,7 @@ MOST_COLUMNS: Final = 150
 
 
 def measured_text(audit: Document, *, width: int) -> str:
-    """Measured beside declared, by agent, influence of agents, the API that fits; maybe empty.
-
-    Args:
-        audit: the audit's document.
-    """
+    """Measured beside declared, by agent, influence of agents, the API that fits; maybe empty."""
     measured, declared = audit["measured"], audit.get("declared") or {}
     rows, missing = [], []
     for key in (key for key in measured if key not in APART):

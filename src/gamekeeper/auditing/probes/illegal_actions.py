@@ -47,10 +47,8 @@ def illegal(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if played.failed is not None or not played.play.actions:
         return
     unchanged_rerun = session.play(played.play, env, state=False)
-    is_alike = (
-        compare(played.episode, unchanged_rerun.episode).divergence is None
-        and unchanged_rerun.failed is None
-    )
+    differs = compare(played.episode, unchanged_rerun.episode).divergence
+    is_alike = differs is None and unchanged_rerun.failed is None
     turns = list(played.episode.turns)
     for case in _cases(session, played, turns):
         done = _tried(session, env, played, case)

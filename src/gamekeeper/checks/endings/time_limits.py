@@ -79,18 +79,14 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
                 break
             if tick == horizon and turn.ended:
                 is_truncated = is_truncated or bool(early)
+                where, expected = (
+                    episode.at(turn, None, "truncations"),
+                    "truncated by the time limit",
+                )
                 if early or _are_reasons_declared(contract, episode, turn):
-                    yield Case(episode.at(turn, None, "truncations"), True)
+                    yield Case(where, True)
                 else:
-                    ended_by_rule.append(
-                        Case(
-                            episode.at(turn, None, "truncations"),
-                            False,
-                            "truncated by the time limit",
-                            "terminated",
-                            proof=CUT[api],
-                        )
-                    )
+                    ended_by_rule.append(Case(where, False, expected, "terminated", CUT[api]))
     # a rule may end one episode in its last tick by chance; not each of them
     if len(ended_by_rule) > 1 and not is_truncated:
         yield from ended_by_rule

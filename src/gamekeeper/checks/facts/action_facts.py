@@ -33,11 +33,7 @@ class TriedAction:
 
 @dataclass(frozen=True, slots=True)
 class EndedActions:
-    """Actions of agents that have ended.
-
-    Attributes:
-        turn: the first at which what is given differs; None where they made no difference.
-    """
+    """Agents that have ended, and the first turn that their actions changed; None: they didn't."""
 
     agents: list[Any]
     turn: int | None

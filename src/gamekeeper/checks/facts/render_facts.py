@@ -51,11 +51,7 @@ class RenderedMode:
 
 @dataclass(frozen=True, slots=True)
 class RenderedEpisode(RenderedMode):
-    """A filmed episode.
-
-    Attributes:
-        moves: turns at which an agent's observation changed.
-    """
+    """A filmed episode, and the number of turns at which an agent's observation changed."""
 
     moves: int
     shots: list[Shot]

@@ -221,27 +221,20 @@ def frames_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cas
     Fix: return a new array from every render(): self.canvas.copy()
     """
     for fact in evidence.facts(ChangedFrames):
-        seen, options = fact.value, fact.value.options
-        proof = reproducer_of(frames_stay, options=options)
-        if seen.count > 1:
-            turns = seen.turns
-            yield Case(
-                replace(fact.where, turn=turns[0] + 1 if turns else None, field="render"),
-                not turns,
-                "every frame as it was handed out",
-                f"{len(turns)} of {seen.count} frames changed later",
-                proof=proof,
-            )
+        count, turns = fact.value.count, fact.value.turns
+        if count > 1:
+            where = replace(fact.where, turn=turns[0] + 1 if turns else None, field="render")
+            expected = "every frame as it was handed out"
+            seen = f"{len(turns)} of {count} frames changed later"
+            proof = reproducer_of(frames_stay, options=fact.value.options)
+            yield Case(where, not turns, expected, seen, proof)
     for written in evidence.facts(WrittenFrames):
-        frames, turns = written.value, written.value.turns
-        if frames.count:
-            yield Case(
-                replace(written.where, turn=turns[0] if turns else None, field="frame"),
-                not turns,
-                "the next frame as it would have been",
-                f"what was written into {len(turns)} of {frames.count} frames stands in the next",
-                proof=reproducer_of(written_frames_are_gone, options=frames.options),
-            )
+        count, turns = written.value.count, written.value.turns
+        if count:
+            where = replace(written.where, turn=turns[0] if turns else None, field="frame")
+            seen = f"what was written into {len(turns)} of {count} frames stands in the next"
+            proof = reproducer_of(written_frames_are_gone, options=written.value.options)
+            yield Case(where, not turns, "the next frame as it would have been", seen, proof)
 
 
 LEAST_MOVES: Final = 8

@@ -233,6 +233,12 @@ def _living_in_books(evidence: ProbeEvidence) -> Cases:
             yield from _of_books(where, missing, expected, "none for", LIVING)
 
 
+LAST_STEP: Final = """\
+ended = [agent for agent in ACTIONS[-1] if agent not in env.agents]
+missing = [agent for agent in ended if agent not in {book}]
+assert not missing, missing"""
+
+
 @check("GK108", HIGH, "rollout", "surface", api="parallel", looks_at="an agent that ends")
 def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that ends is given its last reward, last observation and both flags in that step.
@@ -259,23 +265,12 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
                 if set(lost) >= FLAGS:
                     continue  # nothing says that it has ended: GK501 or GK502
                 for part in lost:
-                    yield Case(
-                        entry_place(episode, each.turn, agent, part),
-                        False,
-                        "an entry in the step that ends the agent",
-                        "no entry",
-                        proof=_last_step_proof(part),
-                    )
+                    where = entry_place(episode, each.turn, agent, part)
+                    expected = "an entry in the step that ends the agent"
+                    proof = LAST_STEP.format(book=PARTS[part])
+                    yield Case(where, False, expected, "no entry", proof)
                 if not lost:
                     yield Case(episode.at(each.turn, agent, "agents"), True)
-
-
-def _last_step_proof(part: str) -> str:
-    return (
-        "ended = [agent for agent in ACTIONS[-1] if agent not in env.agents]\n"
-        f"missing = [agent for agent in ended if agent not in {PARTS[part]}]\n"
-        "assert not missing, missing"
-    )
 
 
 INFOS_AT_RESET = "assert not set(env.agents) - set(infos), set(env.agents) - set(infos)"
@@ -319,13 +314,10 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
             owed &= set(each.turn.agents)
             lost = sorted(a for a in owed if "info" in each.missing.get(a, ()) and not answers)
             if lost or not misshapen:
-                yield Case(
-                    episode.at(each.turn, lost[0] if lost else None, "infos"),
-                    not lost,
-                    "an entry for every agent",
-                    f"none for {', '.join(lost)}",
-                    proof=IN_STEP if each.turn.index else INFOS_AT_RESET,
-                )
+                where = episode.at(each.turn, lost[0] if lost else None, "infos")
+                seen = f"none for {', '.join(lost)}"
+                proof = IN_STEP if each.turn.index else INFOS_AT_RESET
+                yield Case(where, not lost, "an entry for every agent", seen, proof)
 
 
 EXPECTED: Final = {

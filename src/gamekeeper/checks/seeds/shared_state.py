@@ -243,18 +243,11 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Case
                         "        other.step(actions)",
                         "    alike(first, play(make()))",
                     )
-                    yield Case(
-                        difference_place(counterfactual, counterfactual.noise),
-                        False,
-                        "the same episode as in a first instance",
-                        told_difference(counterfactual.noise),
-                        program(
-                            evidence.api,
-                            *lines,
-                            tells=told_of(contract, counterfactual),
-                            unchanged=(),
-                        ),
-                    )
+                    where = difference_place(counterfactual, counterfactual.noise)
+                    seen = told_difference(counterfactual.noise)
+                    tells = told_of(contract, counterfactual)
+                    proof = program(evidence.api, *lines, tells=tells, unchanged=())
+                    yield Case(where, False, "the same episode as in a first instance", seen, proof)
 
 
 def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Reproducer:

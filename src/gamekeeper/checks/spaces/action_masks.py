@@ -27,12 +27,7 @@ USUAL: Final = tuple(
 
 @dataclass(frozen=True, slots=True)
 class GivenMask:
-    """One look at one place where a mask stands.
-
-    Attributes:
-        place: `observation.action_mask` or another.
-        space: the action space of the agent.
-    """
+    """One look at one place where a mask stands, such as `observation.action_mask`."""
 
     episode: Episode
     turn: Turn

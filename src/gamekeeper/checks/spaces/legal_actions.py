@@ -149,16 +149,10 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
     for fact in evidence.facts(TriedAction):
         if not fact.value.is_legal:
             continue
-        raised = fact.value.raised
-        yield Case(
-            fact.where,
-            raised is None,
-            "a step that takes an action of the space",
-            raised,
-            proof=illegal_proof(
-                evidence.api, fact.where.turn, fact.value, "assert error is None, error"
-            ),
-        )
+        raised, then = fact.value.raised, "assert error is None, error"
+        proof = illegal_proof(evidence.api, fact.where.turn, fact.value, then)
+        expected = "a step that takes an action of the space"
+        yield Case(fact.where, raised is None, expected, raised, proof)
     turns = list(legal_turns(contract, evidence))
     may_blame_masks = _may_blame_masks(turns)
     for taken in turns:
@@ -228,16 +222,9 @@ def masked_actions_bring_what_is_declared(contract: Contract, evidence: ProbeEvi
         value = fact.value
         if value.case != "masked" or declared is None:
             continue
-        agent = str(fact.where.agent)
-        yield Case(
-            fact.where,
-            _is_as(declared, value),
-            EXPECTED[declared],
-            _seen(value),
-            proof=illegal_proof(
-                evidence.api, fact.where.turn, value, _then(evidence.api, declared, agent)
-            ),
-        )
+        is_ok, then = _is_as(declared, value), _then(evidence.api, declared, str(fact.where.agent))
+        proof = illegal_proof(evidence.api, fact.where.turn, value, then)
+        yield Case(fact.where, is_ok, EXPECTED[declared], _seen(value), proof)
 
 
 EXPECTED = {

@@ -1,7 +1,7 @@
 """Checks of the agent in turn: it is live, and an agent that ended gets its last turn."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
@@ -68,6 +68,11 @@ def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
                     yield each, agent, agent in each.ended | ended_in(turn)
 
 
+SELECTED: Final = (
+    "assert not env.agents or env.agent_selection in env.agents, (env.agent_selection, env.agents)"
+)
+
+
 @check("GK301", HIGH, "rollout", api="aec", looks_at="a turn with agents left in `agents`")
 def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
@@ -89,16 +94,10 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     of a dead agent
     """
     for fact in evidence.facts(SelectedAgents):
-        at = fact.where
         for turn, (name, is_in) in enumerate(fact.value.turns):
-            yield Case(
-                type(at)(at.probe, at.play, turn, None, "agent_selection"),
-                is_in,
-                "an agent of `agents`",
-                f"{name!r}, who isn't in `agents`",
-                proof="assert not env.agents or env.agent_selection in env.agents, "
-                "(env.agent_selection, env.agents)",
-            )
+            where = replace(fact.where, turn=turn)
+            seen = f"{name!r}, who isn't in `agents`"
+            yield Case(where, is_in, "an agent of `agents`", seen, SELECTED)
 
 
 @check("GK302", HIGH, "rollout", api="aec", looks_at="an agent that ends")

@@ -105,11 +105,7 @@ class Verdicts:
 
 @dataclass(frozen=True, slots=True)
 class PageSection:
-    """A section of the page.
-
-    Attributes:
-        blocks: its parts; empty ones aren't shown.
-    """
+    """A section of the page."""
 
     id: str
     title: str
@@ -271,12 +267,7 @@ def binned_line(
     x: Sequence[int],
     series: Mapping[str, FloatArray],
 ) -> Chart:
-    """A line for each series; of many points, means of neighbours with their 5 to 95 % range.
-
-    Args:
-        x: [points].
-        series: by name, [points]; NaN where there is none.
-    """
+    """A line for each series; of many points, means of neighbours with their 5 to 95 % range."""
     size = -(-len(x) // MOST_POINTS) if len(x) else 1
     starts = range(0, len(x), size)
     lines = []
