@@ -364,4 +364,5 @@ def test_a_payment_at_the_end_of_a_round_is_no_sign_of_order() -> None:
     facts = [Fact(Where("form", 0, 0), trial(look)) for look in (late, early)]
     assert trials.within_rounds(facts[:1])["reward"].hits == 0
     found = trials.within_rounds(facts[1:])["reward"]
-    assert (found.hits, found.shown.turns if found.shown else None) == (1, (0, 1))
+    shown = "a's move at turn 0 of episode 0 of probe form changes b's reward at turn 1"
+    assert (found.hits, found.shown) == (1, shown)

@@ -179,11 +179,7 @@ def joint(
 
 
 class JointEnv(gymnasium.Env[Any, Any]):
-    """Use `joint`.
-
-    Attributes:
-        env: the multi-agent environment.
-    """
+    """Use `joint`."""
 
     def __init__(self, env: Any, observe: str) -> None:
         self.env, self._sees_state = env, observe == "state"

@@ -8,8 +8,6 @@ from typing import Any, Final, Literal
 from gamekeeper.auditing.result import AuditResult
 
 Kind = Literal["api", "roster", "spaces", "contract", "measured", "verdicts"]
-
-KINDS: Final[tuple[Kind, ...]] = ("api", "roster", "spaces", "contract", "measured", "verdicts")
 """In the order in which they are told."""
 OF_THE_GAME: Final = frozenset({"api", "roster", "spaces", "measured"})
 """Kinds after which results of before can't be compared any more."""
@@ -40,25 +38,16 @@ class Changed:
 
 def changes(a: AuditResult, b: AuditResult) -> tuple[Changed, ...]:
     """Differences between two audits of the same seed and budget, the form of the game first."""
-    found = [
-        *_api(a, b),
-        *_roster(a, b),
-        *_spaces(a, b),
-        *_contract(a, b),
-        *_measured(a, b),
-        *_verdicts(a, b),
-    ]
-    return tuple(sorted(found, key=lambda each: KINDS.index(each.kind)))
+    found = [Changed("api", "api", a.api, b.api)] if a.api != b.api else []
+    found += [*_roster(a, b), *_spaces(a, b)]
+    declared = _leaves(a.declared or {}, b.declared or {})
+    found += [Changed("contract", *each) for each in declared]
+    return (*found, *_measured(a, b), *_verdicts(a, b))
 
 
 def is_other_game(found: tuple[Changed, ...]) -> bool:
     """Tells whether earlier results can't be compared any more."""
     return any(each.kind in OF_THE_GAME for each in found)
-
-
-def _api(a: AuditResult, b: AuditResult) -> Iterator[Changed]:
-    if a.api != b.api:
-        yield Changed("api", "api", a.api, b.api)
 
 
 def _roster(a: AuditResult, b: AuditResult) -> Iterator[Changed]:
@@ -77,11 +66,6 @@ def _spaces(a: AuditResult, b: AuditResult) -> Iterator[Changed]:
             one, two = a.agents[name].get(key), b.agents[name].get(key)
             if one != two:
                 yield Changed("spaces", f"{name}.{key}", one, two)
-
-
-def _contract(a: AuditResult, b: AuditResult) -> Iterator[Changed]:
-    for path, one, two in _leaves(a.declared or {}, b.declared or {}):
-        yield Changed("contract", path, one, two)
 
 
 def _measured(a: AuditResult, b: AuditResult) -> Iterator[Changed]:

@@ -71,17 +71,9 @@ class Judged:
 def verdict_of(judged: Judged, findings: tuple[Finding, ...]) -> Verdict:
     """The verdict of a judged check, with its findings."""
     check = judged.check
-    return Verdict(
-        id=check.id,
-        claim=check.claim,
-        outcome=judged.outcome,
-        severity=judged.severity or check.severity,
-        confidence=judged.confidence,
-        cases=judged.cases,
-        failed=judged.failed,
-        findings=findings,
-        reason=judged.reason,
-    )
+    told = check.id, check.claim, judged.outcome, judged.severity or check.severity
+    counts = judged.confidence, judged.cases, judged.failed
+    return Verdict(*told, *counts, findings, judged.reason)
 
 
 def judge(
@@ -103,17 +95,10 @@ def judge(
     if bad:
         sure = max(each.confidence or check.confidence for each in bad)
         outcome: Outcome = "failed" if waiver is None else "waived"
-        worst = min(bad, key=_badness(check))
-        return Judged(
-            check,
-            outcome,
-            len(cases),
-            len(bad),
-            _first_by_field(bad, check),
-            sure,
-            check.doubt if waiver is None else waiver,
-            worst.severity,
-        )
+        shown, worst = _first_by_field(bad, check), min(bad, key=_badness(check))
+        reason = check.doubt if waiver is None else waiver
+        counts = len(cases), len(bad)
+        return Judged(check, outcome, *counts, shown, sure, reason, worst.severity)
     if not cases:
         return Judged(check, "not_exercised", reason=_not_exercised(check, evidence))
     if evidence.blind and not NOT_COMPARED.issuperset(check.needs):

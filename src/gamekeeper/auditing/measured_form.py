@@ -91,7 +91,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "may_join": roster_changes.joined(shapes) if shapes else None,
         "may_leave": roster_changes.left(shapes) if shapes else None,
         "influence": trials.influence(moves),
-        "looked_ahead": trials.ahead(moves) or None,
+        "looked_ahead": max((fact.value.ahead for fact in moves), default=0) or None,
         "advice": advised.api,
         "because": list(advised.because),
         "why": advised.why,
@@ -225,27 +225,24 @@ def _order(evidence: ProbeEvidence) -> dict[str, Any]:
 
 def _deterministic(evidence: ProbeEvidence) -> bool | None:
     """Tells whether seed and actions settled every rerun; None where there was none with a turn."""
-    unchanged_reruns = {
-        id(counterfactual.unchanged_rerun): counterfactual.noise is None
-        for counterfactual in evidence.counterfactuals("influence")
-    }
+    influence = evidence.counterfactuals("influence")
+    unchanged_reruns = {id(x.unchanged_rerun): x.noise is None for x in influence}
     rollouts = evidence["rollout"]
     if evidence.blind or (rollouts and not any(episode.turns for episode in rollouts)):
         return None
     orders = [fact.value.result != "noise" for fact in evidence.facts(OrderOutcome)]
-    again = [
-        each.divergence is None
-        for each in evidence.counterfactuals("same_seed")
-        if each.change["change"] in ("nothing", "the global generators")
-    ]
-    again += [each.divergence is None for each in evidence.counterfactuals("generators")]
-    again += [
-        each.divergence is None
-        for each in evidence.counterfactuals("other_process")
-        if each.noise is None
-    ]
+    again = _repeats(evidence, "nothing", "the global generators")
+    again += [x.divergence is None for x in evidence.counterfactuals("generators")]
+    elsewhere = evidence.counterfactuals("other_process")
+    again += [x.divergence is None for x in elsewhere if x.noise is None]
     reruns = [*unchanged_reruns.values(), *orders, *again]
     return all(reruns) if reruns else None
+
+
+def _repeats(evidence: ProbeEvidence, *changes: str) -> list[bool]:
+    """For each episode played again from its seed with one of these changes, if it was the same."""
+    again = evidence.counterfactuals("same_seed")
+    return [x.divergence is None for x in again if x.change["change"] in changes]
 
 
 def _depends_on_use(evidence: ProbeEvidence) -> bool:
@@ -253,12 +250,7 @@ def _depends_on_use(evidence: ProbeEvidence) -> bool:
 
     Then reruns in one instance differ by that fault, and say nothing of seeds.
     """
-    again = [
-        each.divergence is None
-        for each in evidence.counterfactuals("same_seed")
-        if each.change["change"] == "nothing"
-    ]
-    used = evidence.counterfactuals("second_episode")
+    again, used = _repeats(evidence, "nothing"), evidence.counterfactuals("second_episode")
     is_used = any(each.divergence is not None and each.noise is None for each in used)
     return bool(again) and all(again) and is_used
 

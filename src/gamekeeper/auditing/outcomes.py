@@ -26,12 +26,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """First difference of two outcomes, with both values.
-
-    Attributes:
-        part: `observations`, `rewards`, ...
-        is_rounding: only the last digits of numbers differ, here and everywhere else.
-    """
+    """First difference of two outcomes, with both values; maybe in the last digits alone."""
 
     part: str
     agent: str

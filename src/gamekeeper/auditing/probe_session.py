@@ -97,7 +97,7 @@ class Called:
     @property
     def said(self) -> str | None:
         """The exception in words; None where there was none."""
-        return None if self.failed is None else f"{self.failed.kind}: {self.failed.text}"
+        return None if self.failed is None else self.failed.said
 
 
 @dataclass(slots=True)
@@ -256,6 +256,14 @@ class ProbeSession:
             self.base = played.play
         return played
 
+    def after(self, before: EpisodePlan, play: EpisodePlan, times: int = 1) -> EpisodeResult:
+        """Plays in an instance in which another episode was played before, so many times."""
+        with held():
+            env = self.env()
+        for _ in range(times):
+            self.play(before, env)
+        return self.play(play, env)
+
     def counterfactual(
         self,
         base: EpisodeResult,
@@ -297,6 +305,12 @@ class ProbeSession:
             kind = type_name_of(type(error))
             return Called(failed=FailedCall(name, 0, kind, message(error)[:500], text))
 
+    def reset(self, env: Any, play: EpisodePlan) -> Called:
+        """A reset with the play's seed and options, for probes with a loop of their own."""
+        options = None if play.options is None else dict(play.options)
+        given = {"seed": play.seed, "options": options}
+        return self.call("reset", env.reset, **{k: v for k, v in given.items() if v is not None})
+
     def step(self, env: Any, actions: Any) -> Called:
         """A counted step, for probes with a loop of their own."""
         self.meter.count()
@@ -328,11 +342,6 @@ class ProbeSession:
     def handed(self, actions: Mapping[Any, Any]) -> Any:
         """The actions of a turn as `step` takes them: in an AEC environment the only one."""
         return actions if self.api == "parallel" else next(iter(actions.values()), None)
-
-    def script(self, play: EpisodePlan, actions: list[Mapping[Any, Any]]) -> None:
-        """Notes what was played, where a probe has a loop of its own."""
-        if self.base is None:
-            self.base = replace(play, actions=tuple(actions), most_turns=max(len(actions), 1))
 
     def for_probe(self, probe: str, ration: int) -> ProbeSession:
         """The same session for another probe."""

@@ -133,7 +133,7 @@ def _seen(make: Callable[[], Any], api: str, seed: int) -> int:
             out = env.reset(seed=seed)
             agents = list(env.agents)
             found += api == "aec" or _are_dictionaries(out, 2)
-            seen, done = (_spaces(getattr(env, f"{each}_space"), agents) for each in ENDS)
+            seen, done = (_spaces(x, agents) for x in (env.observation_space, env.action_space))
             found += seen is not None
             if done is not None:
                 found += 1
@@ -143,9 +143,6 @@ def _seen(make: Callable[[], Any], api: str, seed: int) -> int:
         finally:
             env.close()
     return found
-
-
-ENDS: Final = ("observation", "action")
 
 
 def _spaces(ask: Callable[[Any], Any], agents: list[Any]) -> dict[Any, Any] | None:

@@ -76,7 +76,10 @@ class AuditResult:
         Raises:
             KeyError: it wasn't among the checks.
         """
-        return next((each for each in self.verdicts if each.id == id), None) or _missing(id)
+        found = next((each for each in self.verdicts if each.id == id), None)
+        if found is None:
+            raise KeyError(id)
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper audit --json` prints."""
@@ -138,10 +141,6 @@ def _first(verdict: Verdict) -> tuple[str, str, str]:
 def _row(cells: tuple[str, ...], tag: str) -> str:
     inner = "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells)
     return f"<tr>{inner}</tr>"
-
-
-def _missing(id: str) -> Verdict:  # the word that everybody uses for it
-    raise KeyError(id)
 
 
 def spaces_text(spec: AgentSpec) -> dict[str, str]:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from gamekeeper.auditing.held_programs import pruned
 from gamekeeper.checks.case import Reproducer
-from gamekeeper.checks.literal import literal
+from gamekeeper.checks.literal import literal, step_literal
 from gamekeeper.checks.reproducer_source import text_of
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.episode_loop import EpisodePlan
@@ -134,18 +134,13 @@ def _by_text(lines: str, play: EpisodePlan) -> str:
 
 
 def _actions(play: EpisodePlan, api: str) -> str:
-    turns = list(play.actions or ())
-    texts = [literal(dict(each) if api == "parallel" else _only(each)) for each in turns]
+    texts = [step_literal(api, each) for each in play.actions or ()]
     line = "[" + ", ".join(texts) + "]"
     if len(line) <= WIDTH:
         return line
     if len(set(texts)) == 1:  # an environment may write into a dictionary or an array
         return f"[{texts[0]} for _ in range({len(texts)})]"
     return "[\n" + "".join(f"    {text},\n" for text in texts) + "]"
-
-
-def _only(actions: Mapping[Any, Any]) -> Any:
-    return next(iter(actions.values()), None)
 
 
 def _course(api: str, play: EpisodePlan) -> list[str]:

@@ -41,11 +41,7 @@ def own_packages(env: Any) -> frozenset[str]:
 
 
 def installed_modules(env: Any, before: Collection[str]) -> tuple[str, ...]:
-    """Modules of installed packages that came with an environment, but for its own package's.
-
-    Args:
-        before: names of the modules that were loaded before it.
-    """
+    """Modules of installed packages that came with an environment, but for its own package's."""
     own = own_packages(env)
     folders = tuple(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))
     found = []

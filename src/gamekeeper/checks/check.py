@@ -29,17 +29,17 @@ class Check:
     """A promise, and the pure function that looks whether it was kept.
 
     Attributes:
-        id: `GK402`; never used again for another promise.
+        id: `GK402`; never used again for another promise. Third parties take their own prefix.
         name: the promise as a name, `rewards_stop_at_the_end`.
         claim: the promise in one sentence.
         about: why it matters, with a bad and a good example; Markdown.
-        needs: probes whose looks it reads.
+        needs: probes whose looks it reads; *not exercised* where none of them could look.
         severity: how bad it is to break the promise.
         confidence: how sure a broken promise is, in (0, 1].
         fix: what the author can do about it.
         api: `aec` or `parallel` where it is about one of them only.
         applies: says why there is nothing to judge.
-        looks_at: what an episode must have for a case, as a noun; empty: not said.
+        looks_at: what an episode must have for a case, as a noun, for where none had it.
         doubt: how a rule of the environment may explain what is broken, so that it is only
             suspected, also where a reproducer shows it; empty: no rule does.
         run: yields a case for every look.
@@ -78,15 +78,7 @@ def check(
 ) -> Callable[[Run], Check]:
     """Makes a check of a pure function; its docstring begins with the promise, and ends with a fix.
 
-    Args:
-        id: such as `GK402`; third parties take a prefix of their own.
-        severity: how bad it is to break the promise.
-        needs: probes whose looks it reads; it is *not exercised* where none of them could look.
-        confidence: how sure a broken promise is, in (0, 1].
-        api: where it is about one API only.
-        applies: why there is nothing to judge, or None.
-        looks_at: what an episode must have for a case, as a noun; said where no episode had it.
-        doubt: how a rule of the environment may explain what is broken: it is only suspected.
+    The arguments are `Check`'s.
     """
 
     def made(run: Run) -> Check:
@@ -99,21 +91,9 @@ def check(
                 expected="an id like GK402, and a docstring: first the promise, last `Fix: ...`",
                 fix="give the check an id of its own prefix and a docstring",
             )
-        return Check(
-            id=id,
-            name=run.__name__,
-            claim=claim.strip(),
-            about=about.strip(),
-            needs=needs,
-            severity=severity,
-            confidence=confidence,
-            fix=" ".join(fix.split()),
-            api=api,
-            applies=applies,
-            run=run,
-            looks_at=looks_at,
-            doubt=doubt,
-        )
+        told = run.__name__, claim.strip(), about.strip()
+        sure = severity, confidence, " ".join(fix.split())
+        return Check(id, *told, needs, *sure, api, applies, run, looks_at, doubt)
 
     return made
 

@@ -31,6 +31,11 @@ def literal(value: Any) -> str:
     return repr(repr(value))
 
 
+def step_literal(api: str, actions: Mapping[Any, Any]) -> str:
+    """The argument of a step with these actions; in an AEC environment the only one."""
+    return literal(dict(actions) if api == "parallel" else next(iter(actions.values()), None))
+
+
 def is_value(agent: Any) -> bool:
     """Tells whether an agent equals a copy of it, as names do; where none can be made it may."""
     try:

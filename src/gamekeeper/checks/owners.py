@@ -20,12 +20,7 @@ MOST_OTHERS: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class OwnerTrial:
-    """One agent's action, replaced by another one.
-
-    Attributes:
-        where: episode, turn and agent.
-        choice: the other action.
-    """
+    """One agent's action, replaced by another one."""
 
     where: Where
     turn: int

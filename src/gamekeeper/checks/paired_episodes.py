@@ -12,7 +12,7 @@ from gamekeeper.checks.facts.seed_facts import (
     UnseededEpisodes,
     UnseededOpenings,
 )
-from gamekeeper.checks.literal import literal
+from gamekeeper.checks.literal import literal, step_literal
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence, ProbeRun
 from gamekeeper.checks.reproducer_source import text_of
 from gamekeeper.checks.reproducers import alike
@@ -240,12 +240,11 @@ def used_beside_fresh(
         used = ["used = make()", f"for _ in range({times}):", reset]
     elif before is not None:
         seed, actions = before
-        turns = [dict(a) if api == "parallel" else next(iter(a.values()), None) for a in actions]
         used = [
             "used = make()",
             f"used.reset(seed={seed!r})",
             "for actions in [",
-            *(f"    {literal(turn)}," for turn in turns),
+            *(f"    {step_literal(api, turn)}," for turn in actions),
             "]:",
             "    used.step(actions)",
             *(["    used.state()"] if "state" in tells else []),

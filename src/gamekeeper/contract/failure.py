@@ -40,9 +40,6 @@ class Failure:
 
     Comparisons (`<`, `0 < x <= 3`) of sums and products of names, numbers and quoted text, joined
     by `and`, `or`, `not`. Names may have points: `picker.delivery`.
-
-    Args:
-        text: the condition as it is written.
     Raises:
         ContractError: the text isn't such a condition.
     """

@@ -9,11 +9,7 @@ TITLE: Final = ("name", "api", "why")
 
 
 def contract_html(data: Mapping[str, object]) -> str:
-    """The contract's plain data as headings and tables; every text is escaped.
-
-    Args:
-        data: as `Contract.to_json` gives it.
-    """
+    """The contract's plain data as headings and tables; every text is escaped."""
     name = escape(str(data.get("name") or "a contract without a name"))
     api = APIS.get(str(data.get("api")), "API not declared")
     blocks = [f"<b>{name} ({api})</b>"]

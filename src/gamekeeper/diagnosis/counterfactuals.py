@@ -53,9 +53,6 @@ def counterfactuals(
 
     Both are played anew from the recorded seeds, with the policies' recorded streams: an episode
     as it was, and twice for each ideal substitute.
-
-    Args:
-        most: failing episodes that are compared.
     """
     run_seed = evidence.manifest.get("seed")
     if run_seed is None or not substitutes or most < 1:

@@ -2,17 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, Self, TypeAlias
+from typing import Any, Literal, Self, TypeAlias
 
 from gamekeeper.diagnosis.plain_data import PlainData, frozen
 from gamekeeper.episodes.row_tables import html_table, html_text, text_lines
 
 Question: TypeAlias = Literal["falls", "last action"]
-QUESTIONS: Final[Mapping[Question, str]] = {
-    "falls": "where does the share of continuations that succeed fall beyond chance?",
-    "last action": "all continuations that were tried fail: at which turn does another action of "
-    "one agent succeed for the last time?",
-}
+"""`falls`: where the share of continuations that succeed falls beyond chance; `last action`: where
+another action of one agent succeeds for the last time, as all continuations that were tried fail.
+"""
 Loss: TypeAlias = Literal["action", "draws", "several", "not tried"]
 
 
@@ -115,7 +113,7 @@ class EpisodePivots(PlainData):
         episode: its number.
         scope: whose condition it failed by: the team's, a role's or an agent's.
         turns: its env steps.
-        question: that was answered; a key of `QUESTIONS`.
+        question: that was answered; see `Question`.
         curve: by turn; empty where nothing draws anything.
         pivots: the largest fall first.
         steps: env steps that were taken for it.

@@ -370,11 +370,7 @@ def responses(
 def responses_of(
     open_setup: OpenSetup, episodes: Sequence[Episode], agents: Iterable[str], *, seed: int
 ) -> dict[str, ResponseTest]:
-    """Response tests of the policies of an opened set-up, by agent.
-
-    Args:
-        agents: those that are tested.
-    """
+    """Response tests of the policies of an opened set-up, by agent."""
     found: dict[str, ResponseTest] = {}
     for name in agents:
         feeds = [feed for episode in episodes if (feed := feed_of(episode, name))]

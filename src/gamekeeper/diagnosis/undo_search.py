@@ -453,11 +453,7 @@ def _confirm_pairs(experiment: Experiment, pairs: Sequence[IdealSubstitute]) -> 
 def ranked_undos(
     experiment: Experiment, undos: Sequence[IdealSubstitute], count: int
 ) -> Mapping[IdealSubstitute, float]:
-    """Shares of failing episodes that succeed with each undo, the best first; returns break ties.
-
-    Args:
-        count: failing episodes that are played.
-    """
+    """Shares of failing episodes that succeed with each undo, the best first, then by return."""
     seed, runner, episodes = experiment.search_seed, experiment.runner, experiment.failing[:count]
     experiment.play([one.name for one in undos], seed, episodes)
     played = [one for one in undos if one.name not in runner.broken]

@@ -82,9 +82,6 @@ def worked_out(
     """The figures of `figures_in`, from recorded runs in place of the evaluation's own episodes.
 
     Where playing was stopped by an interval, its rows' intervals are those of a fixed number.
-
-    Args:
-        document: of the evaluation, for its specification and the names of its parts.
     """
     spec = _spec(document["spec"])
     inspections = {name: _inspection(document, name, runs) for name in spec.environments}

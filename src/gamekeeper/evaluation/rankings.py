@@ -18,9 +18,6 @@ def payoffs_of(crossed: Row) -> dict[str, Any] | None:
     """The matrix of mean returns by policies in two positions; None where there are more.
 
     Runs of one method meet one another in its diagonal cell, where they do.
-
-    Args:
-        crossed: cross-play of an environment, as the document has it.
     """
     roles = crossed["roles"]
     if len(roles) != 2:

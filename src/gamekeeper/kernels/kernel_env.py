@@ -244,14 +244,10 @@ class MaskedTurns(Masks, KernelTurns):
     """As `KernelTurns`, of a kernel with a `mask`."""
 
 
-def kernel_env(kernel: Kernel, *, render_mode: str | None = None, debug: bool = False) -> Any:
-    """One copy of a kernel as an AECEnv or ParallelEnv.
-
-    Args:
-        render_mode: None; pictures need a class on one of these, with `render`.
-    """
+def kernel_env(kernel: Kernel, *, debug: bool = False) -> Any:
+    """One copy of a kernel as an AECEnv or ParallelEnv; pictures need a class on one of these."""
     kinds = (KernelTurns, MaskedTurns) if kernel.api == "aec" else (KernelTicks, MaskedTicks)
-    return kinds[kernel.mask is not None](kernel, render_mode=render_mode, debug=debug)
+    return kinds[kernel.mask is not None](kernel, debug=debug)
 
 
 __all__ = ["MASK", "KernelTicks", "KernelTurns", "MaskedTicks", "MaskedTurns", "kernel_env"]

@@ -17,11 +17,7 @@ UNNAMED: Final = 127
 
 @dataclass(frozen=True)
 class Parts:
-    """Functions that a driver is made of.
-
-    Args:
-        is_plain: as plain Python.
-    """
+    """Functions that a driver is made of."""
 
     kernel: Kernel
     is_plain: bool

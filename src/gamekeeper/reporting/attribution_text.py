@@ -39,11 +39,7 @@ WIDE: Final = 100_000
 
 
 def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
-    """The text that `gamekeeper attribute` shows: three groups of figures, then what they say.
-
-    Args:
-        document: as `Attribution.to_json` gives it.
-    """
+    """The text that `gamekeeper attribute` shows: three groups of figures, then what they say."""
     blocks = [
         _recorded(document, width),
         _replaced(document, width),

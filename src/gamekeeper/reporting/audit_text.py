@@ -112,12 +112,7 @@ def _consequence(verdict: Document) -> Row:
 
 
 def rows_text(verdicts: Sequence[Document], run: str, *, width: int) -> str:
-    """Rules that a run's own rows break, each with its first place, and the command that says more.
-
-    Args:
-        verdicts: failed ones, as in the document of an audit.
-        run: the folder of the run.
-    """
+    """Rules that a run's rows break, each with its first place, and the command that says more."""
     rows = [
         (each["id"], _short(f"{broken_rule(each)} First failed at {each['findings'][0]['where']}."))
         for each in verdicts

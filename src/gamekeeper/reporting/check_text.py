@@ -40,11 +40,7 @@ def family_of(id: str) -> str:
 
 
 def check_text(check: Card, *, width: int) -> str:
-    """A check explained on a terminal.
-
-    Args:
-        width: columns that no line of prose exceeds.
-    """
+    """A check explained on a terminal."""
     lines = wrapped(f"{check['id']}  {check['claim']}", width, rest=" " * 7)
     for kind, text in paragraphs(check["about"]):
         if kind == "code":

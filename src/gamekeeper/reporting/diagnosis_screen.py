@@ -223,11 +223,8 @@ def _next(document: Mapping[str, Any], options: Mapping[str, Any]) -> Sequence[s
     if document["run"] == MEMORY:
         return ()
     run = shlex.quote(document["run"])
-    words = "".join(
-        f" --failed {shlex.quote(text)}"
-        for scope, text in document["conditions"].items()
-        if scope == "team"
-    )
+    condition = document["conditions"].get(TEAM)
+    words = "" if condition is None else f" --failed {shlex.quote(condition)}"
     good = document.get("differences")
     of_pivots = words + _words({name: options.get(name) for name in OF_PIVOTS})
     words += _words(options)

@@ -14,11 +14,7 @@ HEAD: Final = ("difference", "bad", "good", "alone closes")
 
 
 def differences_text(document: Mapping[str, Any], *, width: int) -> str:
-    """The least set with its effect, the gap, and a table of all differences.
-
-    Args:
-        document: a diagnosis as plain data, with `differences`.
-    """
+    """The least set with its effect, the gap, and a table of all differences."""
     found = document["differences"]
     lines = wrapped(f"{found['why']}.", width, first="Answer  ", rest=INDENT)
     for each in found["tested"]:

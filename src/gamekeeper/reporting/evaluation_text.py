@@ -57,9 +57,6 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
 
     Supported claims come first; below the tables the meaning of the columns, notes and refused
     claims.
-
-    Args:
-        document: an evaluation as plain data.
     """
     blocks = ["\n".join(_head(document, width))]
     claims = items_text("Supported claims", document["claims"], width)

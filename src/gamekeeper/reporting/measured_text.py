@@ -18,21 +18,21 @@ APART: Final = (
     *("order_ticks", "near_limits"),
 )
 """Keys of `measured` that aren't rows of the table."""
-DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
-    "stages": (("schedule", "stages"),),
-    "order": (("schedule", "order"),),
-    "observe": (("schedule", "observe"),),
-    "conflicts": (("schedule", "conflicts"),),
-    "messages": (("roles", "*", "messages"),),
-    "deterministic": (("seeds", "deterministic"),),
-    "horizon": (("schedule", "horizon"),),
-    "reward": (("rewards",),),
-    "endings": (("endings",),),
-    "symmetric": (("roles", "*", "symmetric"),),
-    "may_join": (("roles", "*", "may_join"),),
-    "may_leave": (("roles", "*", "may_leave"),),
+DECLARED: Final[Mapping[str, tuple[str, ...]]] = {
+    "stages": ("schedule", "stages"),
+    "order": ("schedule", "order"),
+    "observe": ("schedule", "observe"),
+    "conflicts": ("schedule", "conflicts"),
+    "messages": ("roles", "*", "messages"),
+    "deterministic": ("seeds", "deterministic"),
+    "horizon": ("schedule", "horizon"),
+    "reward": ("rewards",),
+    "endings": ("endings",),
+    "symmetric": ("roles", "*", "symmetric"),
+    "may_join": ("roles", "*", "may_join"),
+    "may_leave": ("roles", "*", "may_leave"),
 }
-"""Places of a contract that declare a key of `measured`; `*`: each name."""
+"""Place of a contract that declares a key of `measured`; `*`: each name."""
 BY_AGENT: Final = "by_agent"
 COLUMNS: Final = {"least": "min reward", "most": "max reward", "open": "not ended"}
 """Names of columns that are more than their key."""
@@ -77,11 +77,7 @@ MOST_COLUMNS: Final = 150
 
 
 def measured_text(audit: Document, *, width: int) -> str:
-    """Measured beside declared, by agent, influence of agents, the API that fits; maybe empty.
-
-    Args:
-        audit: the audit's document.
-    """
+    """Measured beside declared, by agent, influence of agents, the API that fits; maybe empty."""
     measured, declared = audit["measured"], audit.get("declared") or {}
     rows, missing = [], []
     for key in (key for key in measured if key not in APART):
@@ -192,11 +188,8 @@ def measured_by_agent(measured: Document) -> dict[str, dict[str, Any]]:
 
 def declared_as(declared: Document, key: str) -> Any:
     """The declaration of a measured key; None where the contract has none."""
-    found = {path[-1]: _at(declared, path) for path in DECLARED.get(key, ())}
-    given = {name: value for name, value in found.items() if value not in (None, {})}
-    if not given:
-        return None
-    return next(iter(given.values())) if len(DECLARED[key]) == 1 else given
+    value = _at(declared, DECLARED[key]) if key in DECLARED else None
+    return None if value == {} else value
 
 
 def _at(declared: Any, path: Sequence[str]) -> Any:

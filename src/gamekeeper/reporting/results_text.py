@@ -336,11 +336,7 @@ def last_line(text: str | None) -> str:
 
 
 def labels_text(rows: Sequence[Mapping[str, Any]], *, width: int) -> str:
-    """A paragraph for each label: its name, agent, place, author and reason.
-
-    Args:
-        rows: labels as plain data.
-    """
+    """A paragraph for each label: its name, agent, place, author and reason."""
     if not rows:
         return "No labels. One is added with: gamekeeper label RUN LABEL [--episode N] [--agent A]"
     lines: list[str] = []

@@ -111,11 +111,7 @@ def items_text(title: str, texts: Iterable[str], columns: int) -> str:
 
 
 def column_lines(rows: Sequence[Sequence[str]], *, width: int) -> Iterator[str]:
-    """Rows in aligned, indented columns; a cell too wide for its column is broken.
-
-    Args:
-        rows: equally many cells in each.
-    """
+    """Rows in aligned, indented columns; a cell too wide for its column is broken."""
     natural = [max(map(columns_of, column)) for column in zip(*rows, strict=True)]
     widths = fitted(natural, width - len(INDENT) - len(GAP) * (len(natural) - 1))
     for row in rows:

@@ -351,7 +351,7 @@ class Continuations:
             raise EvidenceError(
                 "an episode doesn't play twice in the same way",
                 where=f"episode {self.base.plan.stream}, turn {turn}",
-                actual="another base" if failed is None else f"{failed.kind}: {failed.text}",
+                actual="another base" if failed is None else failed.said,
                 fix="gamekeeper replay RUN looks for the cause",
             )
 

@@ -140,6 +140,11 @@ class FailedCall:
     text: str
     traceback: str
 
+    @property
+    def said(self) -> str:
+        """Kind and text in one line."""
+        return f"{self.kind}: {self.text}"
+
 
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:

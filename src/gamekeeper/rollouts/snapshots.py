@@ -103,9 +103,6 @@ def overwrite(value: Any, undo: Undo | None = None) -> int:
     """Writes into every array of numbers that lets itself be written; says how many did.
 
     What was zero becomes one, all else zero: other values of the same type, whatever stood there.
-
-    Args:
-        undo: notes what stood there.
     """
     count = 0
     for array in arrays(value):

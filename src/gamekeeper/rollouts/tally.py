@@ -109,7 +109,7 @@ class TalliedEpisode:
         """Outcome of the episode, as far as it was played."""
         failed, capture = self.failed, self.capture
         is_over = failed is None and not capture.to_move
-        error = None if failed is None else f"{failed.kind}: {failed.text}"
+        error = None if failed is None else failed.said
         return self.count.outcome(
             self._play.seed, capture.env, self.turns, is_over=is_over, error=error
         )

@@ -29,11 +29,7 @@ from gamekeeper.vector.vector_rows import FLUSH_S, Batches, Recording, never
 
 
 class KernelRecorder:
-    """Steps a batch and hands out its rows as they come.
-
-    Attributes:
-        is_begun: whether the run has begun.
-    """
+    """Steps a batch and hands out its rows as they come."""
 
     def __init__(
         self,

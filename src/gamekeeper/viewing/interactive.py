@@ -42,11 +42,7 @@ Order = Mapping[str, Any]
 
 
 class Interactive:
-    """Plays on from turns of served runs, for pages that hold its key.
-
-    Attributes:
-        key: the secret that each order holds.
-    """
+    """Plays on from turns of served runs, for pages that hold its key."""
 
     def __init__(self, served: dict[str, ServedRun], options: PlayOnOptions | None = None) -> None:
         """Checks that the code of every run may be run.

@@ -10,11 +10,6 @@ from gamekeeper.checks.rounds import FIXED, OTHER, kind_of_order, orders
 from gamekeeper.episodes.episode import Episode
 
 
-def lengths(episodes: Sequence[Episode]) -> list[int]:
-    """Ticks of the episodes that ended by themselves."""
-    return [len(orders(episode)) for episode in episodes if episode.header.get("end") == "ended"]
-
-
 def endings(episodes: Sequence[Episode]) -> dict[str, Any]:
     """Number of episodes in which each agent terminated, truncated, or was cut.
 
@@ -29,15 +24,14 @@ def endings(episodes: Sequence[Episode]) -> dict[str, Any]:
             counts = by_agent.setdefault(agent, {"terminated": 0, "truncated": 0, "open": 0})
             for kind in kinds or {"open"}:
                 counts[kind] += 1
-    ended = lengths(episodes)
+    ended = [len(orders(each)) for each in episodes if each.header.get("end") == "ended"]
+    ticks = {"least": min(ended), "median": median(ended), "most": max(ended)} if ended else None
     return {
         "episodes": len(episodes),
         "ended": len(ended),
         "both": both,
         "by_agent": dict(sorted(by_agent.items())),
-        "ticks": None
-        if not ended
-        else {"least": min(ended), "median": median(ended), "most": max(ended)},
+        "ticks": ticks,
     }
 
 

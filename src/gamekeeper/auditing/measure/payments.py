@@ -1,6 +1,6 @@
 """Measured rewards: sums, signs, shared by all agents, cancelling out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 from gamekeeper.episodes.episode import Episode
@@ -37,7 +37,7 @@ def payments(episodes: Sequence[Episode], api: str) -> dict[str, Any]:
                 zero += abs(sum(amounts)) <= CLOSE * sum(map(abs, amounts))
     return {
         "by_agent": {
-            agent: {"mean_return": entry["sum"] / max(len(episodes), 1), **_signs(entry)}
+            agent: {"mean_return": entry.pop("sum") / max(len(episodes), 1), **entry}
             for agent, entry in sorted(by_agent.items())
         },
         "shared": shared == paid if paid >= LEAST and most > 1 else None,
@@ -48,13 +48,9 @@ def payments(episodes: Sequence[Episode], api: str) -> dict[str, Any]:
 
 def _count(by_agent: dict[str, dict[str, float]], agent: str, amount: float) -> None:
     entry = by_agent.setdefault(
-        agent, {"sum": 0.0, "positive": 0, "negative": 0, "least": amount, "most": amount}
+        agent, {"sum": 0.0, "least": amount, "most": amount, "positive": 0, "negative": 0}
     )
     entry["sum"] += amount
     entry["positive"] += amount > 0
     entry["negative"] += amount < 0
     entry["least"], entry["most"] = min(entry["least"], amount), max(entry["most"], amount)
-
-
-def _signs(entry: Mapping[str, float]) -> dict[str, float]:
-    return {name: entry[name] for name in ("least", "most", "positive", "negative")}

@@ -4,7 +4,7 @@ Every look stands against the unchanged rerun, and stops where that differs. Pur
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -23,42 +23,18 @@ NEAR: Final = 1
 Trials = Sequence[Fact[MoveTrial]]
 
 
-@dataclass(frozen=True, slots=True)
-class ShownEffect:
-    """The two turns of an episode that show an effect.
-
-    Attributes:
-        source: agent whose move was replaced.
-        target: agent that found something otherwise.
-        place: probe and number of the episode.
-        turns: of the move, and of the decision or payment.
-    """
-
-    source: str
-    target: str
-    on: str
-    place: str
-    turns: tuple[int, int]
-
-    def __str__(self) -> str:
-        one, two = self.turns
-        return (
-            f"{self.source}'s move at turn {one} of episode {self.place} changes {self.target}'s "
-            f"{self.on} at turn {two}"
-        )
-
-
 @dataclass(slots=True)
 class Within:
     """Looks at later agents of the round of a replaced move, for one reason.
 
     Attributes:
+        shown: the first effect with its two turns, in words; empty where there is none.
         roles: in which one agent's move reached another of the same role.
     """
 
     looks: int = 0
     hits: int = 0
-    shown: ShownEffect | None = None
+    shown: str = ""
     roles: set[str] = field(default_factory=set)
 
     def add(self, look: MoveLook, fact: Fact[MoveTrial]) -> None:
@@ -73,9 +49,10 @@ class Within:
         self.hits += 1
         if role(trial.agent) == role(look.target):
             self.roles.add(role(trial.agent))
-        place = f"{fact.where.play} of probe {fact.where.probe}"
-        turns = trial.turn, look.turn
-        self.shown = self.shown or ShownEffect(trial.agent, look.target, look.on, place, turns)
+        self.shown = self.shown or (
+            f"{trial.agent}'s move at turn {trial.turn} of episode {fact.where.play} of probe "
+            f"{fact.where.probe} changes {look.target}'s {look.on} at turn {look.turn}"
+        )
 
 
 def influence(trials: Trials) -> list[dict[str, Any]]:
@@ -267,13 +244,3 @@ def _all(trials: Iterable[Fact[MoveTrial]]) -> Iterator[tuple[MoveTrial, MoveLoo
     for fact in trials:
         for look in fact.value.looks:
             yield fact.value, look
-
-
-def ahead(trials: Trials) -> int:
-    """Rounds after a move that were looked at, at most."""
-    return max((fact.value.ahead for fact in trials), default=0)
-
-
-def shares(signs: Mapping[str, Within]) -> str:
-    """Looks and hits by reason, in words."""
-    return ", ".join(f"{name} {each.hits} of {each.looks}" for name, each in signs.items())

@@ -2,7 +2,6 @@
 
 import copy
 import pickle
-import random
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -10,7 +9,6 @@ from itertools import pairwise
 from operator import methodcaller
 from typing import Any, Final
 
-import numpy as np
 from gymnasium.utils import EzPickle
 
 from gamekeeper.auditing.probe import probe
@@ -20,7 +18,7 @@ from gamekeeper.checks.probe_evidence import Fact
 from gamekeeper.contract import Contract
 from gamekeeper.interface.env_inside import pettingzoo_parallel
 from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, actions_of
-from gamekeeper.rollouts.process_randomness import HELD, seed_all
+from gamekeeper.rollouts.process_randomness import HELD, kept_global_generators, seed_all
 from gamekeeper.rollouts.snapshots import is_same, snapshot
 
 MOMENTS: Final = 8
@@ -50,7 +48,7 @@ def copies(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     script = base.play.actions or ()
     if not script:
         return
-    told, again = _whole(session, play, script), _whole(session, play, script)
+    (_, told), (_, again) = (_led(session, play, script) for _ in range(2))
     differs_by_itself = len(told) != len(script) or _first_divergence(told, again) is not None
     if differs_by_itself or not all(told):  # or a step gives nothing in the promised form
         return
@@ -65,14 +63,11 @@ def _apart(
     session: ProbeSession, play: EpisodePlan, script: Sequence[Any], told: list[Told]
 ) -> Fact[CopiedEnv]:
     """Result of a copy that goes on while its original plays another episode."""
-    env, at = session.env(), len(script) // 2
-    _begin(session, env, play)
-    _tell(session, env, script[:at])
+    at = len(script) // 2
+    env, _ = _led(session, play, script[:at])
     made = copy.deepcopy(env)
-    dice = random.getstate(), np.random.get_state()
-    session.call("reset", env.reset, seed=(play.seed or 0) + ELSEWHERE)
-    random.setstate(dice[0])
-    np.random.set_state(dice[1])
+    with kept_global_generators():
+        session.call("reset", env.reset, seed=(play.seed or 0) + ELSEWHERE)
     ours = _tell(session, made, script[at:])
     session.call("close", made.close)
     first = _first_divergence(told[at:], ours)
@@ -92,32 +87,22 @@ def _copied(
     told: list[Told],
 ) -> Iterator[Fact[CopiedEnv]]:
     """Copies made in one way at several moments of an episode, up to the first that differs."""
-    env = session.env()
-    _begin(session, env, play)
     count = len(script)
     moments = sorted({count * k // MOMENTS for k in range(1, MOMENTS)})
-    _tell(session, env, script[: moments[0]])
+    env, _ = _led(session, play, script[: moments[0]])
     for at, until in pairwise((*moments, count)):
         after = count if at == count // 2 else min(at + SHORT, count)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = session.call(way, duplicate, env)
-        fact = _beside(session, way, (env, made), script, told, (at, until, after))
+            pair = env, session.call(way, duplicate, env)
+        fact = _beside(session, way, pair, script, told, (at, until, after))
         if not _is_wrong(fact):
             yield fact
             continue
         if at != moments[0]:  # an earlier copy may be to blame: once more where there was none
-            env = session.env()
-            _begin(session, env, play)
-            _tell(session, env, script[:at])
-            alone = _beside(
-                session,
-                way,
-                (env, session.call(way, duplicate, env)),
-                script,
-                told,
-                (at, count, count),
-            )
+            env, _ = _led(session, play, script[:at])
+            pair = env, session.call(way, duplicate, env)
+            alone = _beside(session, way, pair, script, told, (at, count, count))
             if _is_wrong(alone) or fact.value.original is None:
                 fact = alone
         yield fact
@@ -144,16 +129,13 @@ def _beside(
     env, made = pair
     at, until, after = turns
     if made.failed is not None:
-        refused = f"{made.failed.kind}: {made.failed.text}"
-        return session.fact(CopiedEnv(refused, None, None, at), field=way)
+        return session.fact(CopiedEnv(made.said, None, None, at), field=way)
     if not getattr(made.value, "agents", None) or _begins_anew(env):
         refused = "the copy begins anew: it wants a reset"
         return session.fact(CopiedEnv(refused, None, None, at), field=way)
     # who draws from the global generators is told so elsewhere: here both go on from one place
-    dice = random.getstate(), np.random.get_state()
-    ours = _tell(session, made.value, script[at:after])
-    random.setstate(dice[0])
-    np.random.set_state(dice[1])
+    with kept_global_generators():
+        ours = _tell(session, made.value, script[at:after])
     theirs = _tell(session, env, script[at:until])
     session.call("close", made.value.close)
     unsteppable = None
@@ -180,18 +162,12 @@ def _begins_anew(env: Any) -> bool:
     return issubclass(inner, EzPickle) and inner.__getstate__ is EzPickle.__getstate__
 
 
-def _whole(session: ProbeSession, play: EpisodePlan, script: Sequence[Any]) -> list[Told]:
+def _led(session: ProbeSession, play: EpisodePlan, script: Sequence[Any]) -> tuple[Any, list[Told]]:
+    """An instance to which these turns have happened, and what they gave."""
     env = session.env()
-    _begin(session, env, play)
-    return _tell(session, env, script)
-
-
-def _begin(session: ProbeSession, env: Any, play: EpisodePlan) -> None:
-    given = {"seed": play.seed, "options": play.options}
     seed_all(HELD)  # who draws from the global generators is told so elsewhere
-    session.call(
-        "reset", env.reset, **{key: item for key, item in given.items() if item is not None}
-    )
+    session.reset(env, play)
+    return env, _tell(session, env, script)
 
 
 def _tell(session: ProbeSession, env: Any, script: Sequence[Any]) -> list[Told]:
@@ -210,12 +186,12 @@ def _step(session: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
     if session.api == "aec":
         last = session.call("last", env.last)
         if last.failed is not None:
-            return [("raises", None, f"{last.failed.kind}: {last.failed.text}")]
+            return [("raises", None, last.said)]
         agent = getattr(env, "agent_selection", None)
         gave.append(("last()", agent, _quiet(last.value, contract)))
     done = session.step(env, session.handed(actions))
     if done.failed is not None:
-        return [("raises", None, f"{done.failed.kind}: {done.failed.text}")]
+        return [("raises", None, done.said)]
     if session.api == "aec":
         gave.append(("rewards", None, snapshot(getattr(env, "rewards", None))))
     elif isinstance(done.value, tuple) and len(done.value) == 5:
@@ -292,14 +268,13 @@ def conversion(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         return
     made = session.call("aec_to_parallel", pettingzoo_parallel, env)
     if made.failed is not None:
-        text = f"{made.failed.kind}: {made.failed.text}"
-        value = ConvertedEnv(said=True, failed=text, ticks=0)
+        value = ConvertedEnv(said=True, failed=made.said, ticks=0)
         yield session.fact(value, turn=0, field="conversion")
         return
     played = session.play(play, made.value, state=False)
     ticks = len(played.play.actions or ())
     session.meter.count(ticks * max(len(session.agents) - 1, 0))  # a tick is a step of each of them
-    failed = None if played.failed is None else f"{played.failed.kind}: {played.failed.text}"
+    failed = None if played.failed is None else played.failed.said
     value = ConvertedEnv(said=True, failed=failed, ticks=ticks)
     turn = None if played.failed is None else ticks
     yield session.fact(value, turn=turn, field="conversion")

@@ -70,6 +70,12 @@ class FirstDivergence:
     turn: int
     seen: Mapping[Key, bytes]
 
+    def ordered(self, order: str, turn: int) -> dict[Any, Any]:
+        """Copies of the actions of a turn, in that order; in their own where none is named."""
+        actions = (self.play.actions or ())[turn]
+        names = reordered(order, list(actions), turn) if order else list(actions)
+        return {agent: copy.deepcopy(actions[agent]) for agent in names}
+
 
 def told(session: ProbeSession, first_divergence: FirstDivergence) -> DifferenceKind:
     """Reruns the episode up to the divergence, and says what the order of the actions changes.
@@ -96,13 +102,11 @@ def _drawn(session: ProbeSession, first_divergence: FirstDivergence) -> bool | N
     found = False
     for order in ("", "", first_divergence.order):
         env = _led(session, first_divergence, first_divergence.turn - 1)
-        actions = _ordered(first_divergence.play, order, first_divergence.turn - 1)
+        actions = first_divergence.ordered(order, first_divergence.turn - 1)
         outs: list[Any] = []
         is_calm = is_still(env, partial(_stepped, session, env, actions, outs))
-        if (
-            not order
-            and digests(outs[0], session.contract.volatile_infos()) != first_divergence.seen
-        ):
+        seen = digests(outs[0], session.contract.volatile_infos())
+        if not order and seen != first_divergence.seen:
             return None
         found = found or not is_calm
     return found
@@ -116,52 +120,47 @@ class _Reordering:
     """Samples of both orders from one state on."""
 
     def __init__(self, session: ProbeSession, first_divergence: FirstDivergence) -> None:
-        self._session, self._first_divergence = session, first_divergence
+        self._session, self._first = session, first_divergence
         self._volatile = session.contract.volatile_infos()
         self._rng = np.random.default_rng([11, session.number])
         self._left = max(session.ration, 400)
 
     def at_the_first_divergence(self) -> float | None:
         """The p-value of both orders having one distribution there; None: it can't be known."""
-        turn, session = self._first_divergence.turn, self._session
+        turn, session = self._first.turn, self._session
         begun = self._cause()
-        env = _led(session, self._first_divergence, begun)
-        can_copy = _copies_well(session, env, _ordered(self._first_divergence.play, "", begun))
+        env = _led(session, self._first, begun)
+        can_copy = _copies_well(session, env, self._first.ordered("", begun))
         each = turn - begun if can_copy else turn
         size = min(SAMPLES, self._left // max(2 * each, 1))
         if size < FEWEST:
             return None
-        found: dict[str, list[Numbers]] = {"": [], self._first_divergence.order: []}
+        found: dict[str, list[Numbers]] = {"": [], self._first.order: []}
         if can_copy:
-            env = _led(session, self._first_divergence, begun)
+            env = _led(session, self._first, begun)
         for number in range(size):
             for side, order in enumerate(found):
-                one = (
-                    copy.deepcopy(env) if can_copy else _led(session, self._first_divergence, begun)
-                )
+                one = copy.deepcopy(env) if can_copy else _led(session, self._first, begun)
                 reseed(one, 2 * number + side)
                 found[order].append(self._onward(one, begun, order))
-        values = stacked([*found[""], *found[self._first_divergence.order]])
+        values = stacked([*found[""], *found[self._first.order]])
         return permutation_test(values[:size], values[size:], rng=self._rng, rounds=ROUNDS)
 
     def elsewhere(self) -> float | None:
         """The same over states along the episode; None where copies can't be had."""
-        session, actions = self._session, self._first_divergence.play.actions or ()
-        env = _led(session, self._first_divergence, 0)
+        session, actions = self._session, self._first.play.actions or ()
+        env = _led(session, self._first, 0)
         step = max(len(actions) // MOST_STATES, 1)
         pairs: list[Numbers] = []
         for turn in range(len(actions)):
             if turn % step == 0 and len(getattr(env, "agents", ())) > 1:
-                if turn == 0 and not _copies_well(
-                    session, _led(session, self._first_divergence, 0), actions[0]
-                ):
+                begun = _led(session, self._first, 0) if turn == 0 else None
+                if begun is not None and not _copies_well(session, begun, actions[0]):
                     return None
-                for side, order in enumerate(("", self._first_divergence.order)):
+                for side, order in enumerate(("", self._first.order)):
                     one = copy.deepcopy(env)
                     reseed(one, 1_000 + 2 * turn + side)
-                    pairs.append(
-                        self._numbers(one, _ordered(self._first_divergence.play, order, turn))
-                    )
+                    pairs.append(self._numbers(one, order, turn))
             session.step(env, actions[turn])
         if len(pairs) < 2 * FEWEST:
             return None
@@ -170,24 +169,22 @@ class _Reordering:
 
     def _cause(self) -> int:
         """The step whose order makes the difference: the last before it, or all of them."""
-        turn, outs = self._first_divergence.turn, []
-        for order in ("", self._first_divergence.order):
-            env = _led(self._session, self._first_divergence, turn - 1)
-            out = self._session.step(
-                env, _ordered(self._first_divergence.play, order, turn - 1)
-            ).value
+        turn, outs = self._first.turn, []
+        for order in ("", self._first.order):
+            env = _led(self._session, self._first, turn - 1)
+            out = self._session.step(env, self._first.ordered(order, turn - 1)).value
             outs.append(digests(out, self._volatile))
         return turn - 1 if outs[0] != outs[1] else 0
 
     def _onward(self, env: Any, begun: int, order: str) -> Numbers:
-        for turn in range(begun, self._first_divergence.turn - 1):
-            self._session.step(env, _ordered(self._first_divergence.play, order, turn))
-        return self._numbers(
-            env, _ordered(self._first_divergence.play, order, self._first_divergence.turn - 1)
-        )
+        last = self._first.turn - 1
+        for turn in range(begun, last):
+            self._session.step(env, self._first.ordered(order, turn))
+        return self._numbers(env, order, last)
 
-    def _numbers(self, env: Any, actions: Mapping[Any, Any]) -> Numbers:
-        return numbers(self._session.step(env, actions).value, self._volatile)
+    def _numbers(self, env: Any, order: str, turn: int) -> Numbers:
+        out = self._session.step(env, self._first.ordered(order, turn)).value
+        return numbers(out, self._volatile)
 
 
 def _led(session: ProbeSession, first_divergence: FirstDivergence, turns: int) -> Any:
@@ -196,7 +193,7 @@ def _led(session: ProbeSession, first_divergence: FirstDivergence, turns: int) -
     session.meter.count()
     session.call("reset", env.reset, seed=first_divergence.play.seed)
     for turn in range(turns):
-        session.step(env, _ordered(first_divergence.play, "", turn))
+        session.step(env, first_divergence.ordered("", turn))
     return env
 
 
@@ -207,13 +204,6 @@ def _copies_well(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) ->
         return False
     outs = [session.step(one, copy.deepcopy(actions)) for one in (copied.value, env)]
     return outs[0].failed is None and digests(outs[0].value) == digests(outs[1].value)
-
-
-def _ordered(play: EpisodePlan, order: str, turn: int) -> dict[Any, Any]:
-    """Copies of the actions of a turn, in that order; in their own where none is named."""
-    actions = (play.actions or ())[turn]
-    names = reordered(order, list(actions), turn) if order else list(actions)
-    return {agent: copy.deepcopy(actions[agent]) for agent in names}
 
 
 def orders(count: int, play: int) -> tuple[str, ...]:
@@ -290,17 +280,13 @@ def _parted(
         return session.fact(OrderOutcome(result="noise", ticks=ticks), field="rewards")
     found = first_difference(unchanged_rerun.out, counterfactual.out, volatile)
     found = found or Difference("agents", "", None, None, is_rounding=False)
-    result = "rounding"
-    p_values: tuple[float, ...] = ()
+    kind = DifferenceKind("rounding")
     if not found.is_rounding:
-        verdict = told(session, FirstDivergence(base.play, order, turn, seen[turn]))
-        result, p_values = verdict.result, verdict.p_values
-    value = OrderOutcome(
-        result, ticks, order, turn, found.part, found.agent, found.one, found.two, p_values
-    )
-    return session.fact(
-        value, turn=turn - (found.part == "rewards"), agent=found.agent or None, field=found.part
-    )
+        kind = told(session, FirstDivergence(base.play, order, turn, seen[turn]))
+    told_of = found.part, found.agent, found.one, found.two
+    value = OrderOutcome(kind.result, ticks, order, turn, *told_of, kind.p_values)
+    at = turn - (found.part == "rewards")
+    return session.fact(value, turn=at, agent=found.agent or None, field=found.part)
 
 
 class _Comparing:

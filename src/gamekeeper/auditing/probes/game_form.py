@@ -81,17 +81,11 @@ def _fares(script: EpisodeSteps, *, is_whole: bool) -> dict[str, tuple[float, ..
     for step, number in zip(script.steps, script.rounds, strict=True):
         if number == last:
             break
-        for agent, paid in step.rewards.items():
-            if agent in found:
-                found[agent][0] += paid
-                found[agent][1] += abs(paid)
-                found[agent][2] += paid != 0
-        for agent in step.given:
-            if agent in found:
-                found[agent][3] += 1
-        for agent, kind in step.ended.items():
-            if agent in found:
-                found[agent][4] = float(kind == "termination")
+        for agent, fare in found.items():
+            paid = step.rewards.get(agent, 0.0)
+            done = (paid, abs(paid), paid != 0, agent in step.given)
+            fare[:4] = [one + more for one, more in zip(fare, done, strict=False)]
+            fare[4] = float(step.ended.get(agent) == "termination")
     return {agent_name(agent): tuple(values) for agent, values in found.items()}
 
 
@@ -317,9 +311,8 @@ class _Forms:
         """One move replaced; None where there is no other, or the rerun differs before it."""
         written = self.script.steps[step]
         own = (written.actions or {})[agent]
-        is_found, action = other_action(
-            self._space(agent), written.given[agent].mask, own, self._rng
-        )
+        mask = written.given[agent].mask
+        is_found, action = other_action(self._space(agent), mask, own, self._rng)
         if not is_found or step >= settled:
             return None
         board = self._arrived(boards, step)
@@ -338,10 +331,8 @@ class _Forms:
                 is_moved = is_alike and base.given.keys() != changed.given.keys()
             looks += self._looks(step, place, changed)
         movers = tuple(agent_name(each) for each in self._movers(step))
-        number = self.script.rounds[step]
-        name = agent_name(agent)
-        seen = tuple(looks), ahead, is_moved, is_shifted
-        trial = MoveTrial(name, number, step, action, movers, *seen)
+        at = agent_name(agent), self.script.rounds[step], step
+        trial = MoveTrial(*at, action, movers, tuple(looks), ahead, is_moved, is_shifted)
         return trial, action
 
     def _last_of(self, number: int) -> int:
@@ -426,17 +417,15 @@ class _Forms:
         for future in range(FUTURES):
             outs = []
             for change in changes:
-                one = self._arrived(boards, step)
+                board = self._arrived(boards, step)
                 if future:
-                    reseed(one.env, future)
-                rewards = one.step({**written, **change}).rewards
-                outs.append((rewards, standing(one.env) if future == 0 else ()))
+                    reseed(board.env, future)
+                rewards = board.step({**written, **change}).rewards
+                outs.append((rewards, standing(board.env) if future == 0 else ()))
             if future == 0 and not all(_alike(outs[0][1], each[1]) for each in outs[1:]):
                 return None
-            paid = [rewards for rewards, _ in outs]
-            ways.append(
-                (_takes(paid[0], paid[1], first, second), _takes(paid[0], paid[2], second, first))
-            )
+            base, one, two = (rewards for rewards, _ in outs)
+            ways.append((_takes(base, one, first, second), _takes(base, two, second, first)))
         return DrawnPriority(pair, step, tuple(ways)) if any(map(any, ways)) else None
 
 
@@ -473,8 +462,5 @@ def _is_same(one: BranchStep, two: BranchStep) -> bool:
         {agent: (each.observation, each.mask_digest) for agent, each in step.given.items()}
         for step in (one, two)
     ]
-    return given[0] == given[1] and (one.rewards, one.ended, one.roster) == (
-        two.rewards,
-        two.ended,
-        two.roster,
-    )
+    rest = [(step.rewards, step.ended, step.roster) for step in (one, two)]
+    return given[0] == given[1] and rest[0] == rest[1]

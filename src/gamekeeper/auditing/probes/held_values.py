@@ -209,17 +209,15 @@ def _compared(session: ProbeSession, play: EpisodePlan, script: list[dict[Any, A
     """Steps with actions of its own and compares them after each step."""
     env = session.env()
     looks, changed = 0, None
-    session.call("reset", env.reset, **_reset(play))
+    session.reset(env, play)
     for each in script:
         own = {agent: _again(action) for agent, action in each.items()}
-        handed: Any = own
         if session.api == "aec":
             if not env.agents:
                 break
             session.call("last", env.last)
-            handed = next(iter(own.values()), None)
         before = snapshot(each)
-        stepped = session.step(env, handed)
+        stepped = session.step(env, session.handed(own))
         looks += 1
         changed = _first_changed(own, before)
         if changed is not None or stepped.failed is not None:
@@ -228,11 +226,6 @@ def _compared(session: ProbeSession, play: EpisodePlan, script: list[dict[Any, A
     value = HandedActions(looks=looks, changed=changed)
     seen_at = None if changed is None else looks - 1
     return session.fact(value, turn=seen_at, agent=agent, field="actions")
-
-
-def _reset(play: EpisodePlan) -> dict[str, Any]:
-    given = {"seed": play.seed, "options": play.options}
-    return {name: value for name, value in given.items() if value is not None}
 
 
 def _again(action: Any) -> Any:
@@ -257,7 +250,6 @@ def _options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     env = session.env()
     done = session.call("reset", env.reset, seed=play.seed, options=options)
     if done.failed is None:
-        changed = (
-            None if is_same(options, before) else ChangedArgument(None, before, snapshot(options))
-        )
+        now = None if is_same(options, before) else snapshot(options)
+        changed = None if now is None else ChangedArgument(None, before, now)
         yield session.fact(HandedOptions(looks=1, changed=changed), turn=0, field="options")

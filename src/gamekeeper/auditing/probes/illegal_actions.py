@@ -47,10 +47,8 @@ def illegal(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if played.failed is not None or not played.play.actions:
         return
     unchanged_rerun = session.play(played.play, env, state=False)
-    is_alike = (
-        compare(played.episode, unchanged_rerun.episode).divergence is None
-        and unchanged_rerun.failed is None
-    )
+    differs = compare(played.episode, unchanged_rerun.episode).divergence
+    is_alike = differs is None and unchanged_rerun.failed is None
     turns = list(played.episode.turns)
     for case in _cases(session, played, turns):
         done = _tried(session, env, played, case)
@@ -61,7 +59,7 @@ def illegal(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             env = session.env()
             if again.call != "reset" and not is_alike:
                 again = None  # the same actions aren't always legal: nothing can be said here
-        said = None if again is None else f"{again.call} raised {again.kind}: {again.text}"
+        said = None if again is None else f"{again.call} raised {again.said}"
         value = TriedAction(
             **done, is_legal=case.name in RARE, case=case.name, action=case.actions, again=said
         )
@@ -174,8 +172,7 @@ def _tried(
 ) -> dict[str, Any] | None:
     """Result of the illegal step; None where the legal actions before it went otherwise."""
     play = played.play
-    options = {} if play.options is None else {"options": dict(play.options)}
-    if session.call("reset", env.reset, seed=play.seed, **options).failed is not None:
+    if session.reset(env, play).failed is not None:
         return None
     for actions in (play.actions or ())[: case.turn]:
         if session.step(env, session.handed(dict(actions))).failed is not None:
@@ -183,12 +180,11 @@ def _tried(
     with warnings.catch_warnings():  # of NaN that was handed in: no news to anybody
         warnings.simplefilter("ignore")
         done = session.step(env, session.handed(dict(case.actions)))
-    failed = done.failed
     return {
-        "raised": None if failed is None else f"{failed.kind}: {failed.text}",
+        "raised": done.said,
         "reward": _paid(session, env, done, case.agent),
         "legal_reward": case.legal,
-        "is_over": failed is None and _is_over(session, env, done, case.agent),
+        "is_over": done.failed is None and _is_over(session, env, done, case.agent),
     }
 
 
@@ -230,9 +226,8 @@ def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     extra = _extra(played)
     if extra is None:
         return
-    cut = _cut(played, extra)
-    first, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
-    ways: Any = {}, first, other, {}  # the same again last: there shows what use alone changes
+    cut, both = _cut(played, extra), _ways(extra)
+    ways: Any = {}, *both, {}  # the same again last: there shows what use alone changes
     answers = [_answers(session, env, cut, way) for way in ways]
     outcomes, raised = [each for each, _ in answers], [each for _, each in answers]
     if outcomes[0] != outcomes[-1]:  # what state() gives may hold more than the game
@@ -240,17 +235,15 @@ def ended(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if raised[0] or raised[-1] or outcomes[0] != outcomes[-1]:
         return  # it isn't the same game twice: nothing can be blamed on the actions
     if raised[1] or raised[2]:
-        refused = EndedActions(agents=list(extra), raised=raised[1] or raised[2], turn=None)
-        yield session.fact(refused, field="ended_acts")
+        yield session.fact(EndedActions(list(extra), None), field="ended_acts")
         return
     turn = next(
         (t for t, given in enumerate(zip(*outcomes, strict=False)) if len({*given}) > 1), None
     )
-    value = EndedActions(agents=list(extra), raised=None, turn=turn)
     end = len(cut.actions or ()) if turn is None else turn
     is_in_state = len({tuple(text for text, _ in outcome) for outcome in outcomes}) == 1
     proof = _proof(extra, with_state=turn is not None and is_in_state)
-    yield session.fact(value, turn=end, field="ended_acts", proof=proof)
+    yield session.fact(EndedActions(list(extra), turn), turn=end, field="ended_acts", proof=proof)
 
 
 def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
@@ -264,6 +257,11 @@ def _extra(played: EpisodeResult) -> dict[Any, tuple[Any, Any]] | None:
         if ends[agent] == first < len(turns) - 1 and len(own) > 1:
             found[agent] = tuple(own.values())[:2]
     return found or None
+
+
+def _ways(extra: Mapping[Any, tuple[Any, Any]]) -> list[dict[Any, Any]]:
+    """The first actions of all of them, and the second ones."""
+    return [{agent: acts[way] for agent, acts in extra.items()} for way in (0, 1)]
 
 
 def _cut(played: EpisodeResult, extra: Mapping[Any, Any]) -> EpisodePlan:
@@ -300,7 +298,7 @@ def _with(
 
 
 def _proof(extra: Mapping[Any, tuple[Any, Any]], *, with_state: bool) -> Reproducer:
-    once, other = ({agent: acts[way] for agent, acts in extra.items()} for way in (0, 1))
+    once, other = _ways(extra)
     state = "        given.append(env.state())\n" if with_state else ""
     lines = f"""\
 def answers(gone):

@@ -27,7 +27,7 @@ from gamekeeper.checks.facts.seed_facts import (
 )
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.episodes.episode import Episode
-from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, EpisodeResult
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.generator_futures import GlobalGeneratorsDisturbed
 from gamekeeper.rollouts.process_randomness import held, states
 
@@ -118,37 +118,23 @@ def alternated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         env = session.env()
         with held():
             beside = session.env()
-        counterfactual = session.play(base.play, env, watch=_Beside(session, beside, seed, actions))
+
+        def step_beside(turn: int, env: Any, out: Any) -> None:
+            with held():  # its exceptions and global draws have no effect here
+                if turn == 0:
+                    session.call("reset", beside.reset, seed=seed)
+                elif turn <= len(actions):
+                    if session.api == "aec":
+                        session.call("last", beside.last)
+                    session.step(beside, session.handed(dict(actions[turn - 1])))
+
+        counterfactual = session.play(base.play, env, watch=step_beside)
     unchanged_rerun = base
     if session.divergence(base.episode, counterfactual.episode) is not None:
         unchanged_rerun = session.fresh(base.play)
         yield session.fact(OtherInstance(seed, actions))
     change = {"change": "another instance beside"}
     yield session.beside(base.episode, unchanged_rerun.episode, counterfactual.episode, change)
-
-
-class _Beside:
-    """Resets the other instance right after the first one's reset, and steps it at every turn."""
-
-    def __init__(
-        self, session: ProbeSession, env: Any, seed: int, actions: tuple[Actions, ...]
-    ) -> None:
-        self._session, self._env, self._seed, self._actions = session, env, seed, actions
-
-    def __call__(self, turn: int, env: Any, out: Any) -> None:
-        """Steps the other instance; its exceptions and global draws have no effect here."""
-        with held():
-            if turn == 0:
-                self._session.call("reset", self._env.reset, seed=self._seed)
-            elif turn <= len(self._actions):
-                self._step(self._actions[turn - 1])
-
-    def _step(self, actions: Actions) -> None:
-        if self._session.api == "aec":
-            self._session.call("last", self._env.last)
-            self._session.step(self._env, next(iter(actions.values()), None))
-        else:
-            self._session.step(self._env, dict(actions))
 
 
 MOST_TURNS: Final = 100

@@ -18,7 +18,7 @@ from gamekeeper.checks.facts.lifecycle_facts import (
     StepAfterEnd,
     StepBeforeReset,
 )
-from gamekeeper.checks.literal import literal
+from gamekeeper.checks.literal import literal, step_literal
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import agent_iter_names_actors, reset_forgets
 from gamekeeper.episodes.canonical import to_json
@@ -86,23 +86,18 @@ def is_dead(session: ProbeSession, env: Any) -> bool:
     return any(isinstance(book, Mapping) and bool(book.get(agent)) for book in books)
 
 
-def step_argument(api: str, actions: Mapping[Any, Any]) -> str:
-    """The argument of a step, as Python."""
-    return literal(dict(actions) if api == "parallel" else next(iter(actions.values()), None))
-
-
 def goes_on(api: str, actions: Mapping[Any, Any], *, plays: bool) -> Reproducer:
     """A step where none should be raises, or gives no reward, flag or turn."""
     start = "" if plays else "env = make()\n"
     if api == "parallel":
         lines = (
-            f"try:\n    out = env.step({step_argument(api, actions)})\n"
+            f"try:\n    out = env.step({step_literal(api, actions)})\n"
             "except Exception:\n    out = ()  # refused\n"
             "assert not any(out[1:4]), out[1:4]  # rewards, terminations, truncations"
         )
     else:
         lines = (
-            f"try:\n    env.step({step_argument(api, actions)})\n"
+            f"try:\n    env.step({step_literal(api, actions)})\n"
             "except Exception:\n    was_refused = True\n"
             "else:\n    was_refused = not env.agents\nassert was_refused, env.agents"
         )
@@ -129,13 +124,11 @@ def begins(api: str, resets: int, turns: Sequence[Mapping[Any, Any]]) -> Reprodu
     once the cause is held still.
     """
     look = "" if api == "parallel" else "env.last()\n"
-    arguments = [step_argument(api, actions) for actions in turns]
-    steps = "".join(
-        f"{look}{ENDED if each == 'None' else ''}env.step({each})\n" for each in arguments
-    )
-    seen = (
-        "" if api == "parallel" else "if env.agents:\n    env.last()\n"
-    )  # what the last step left
+    arguments = [step_literal(api, actions) for actions in turns]
+    each_step = (f"{ENDED if each == 'None' else ''}env.step({each})\n" for each in arguments)
+    steps = "".join(look + each for each in each_step)
+    # what the last step left
+    seen = "" if api == "parallel" else "if env.agents:\n    env.last()\n"
     return Reproducer("env.reset(seed=SEED)\n" * resets + HAS_AGENTS + steps + seen)
 
 
@@ -185,29 +178,23 @@ def _after_end(session: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
     latest: dict[Any, Any] = {}
     for actions in base.play.actions or ():
         latest.update(actions)
-    actions, called, gave = latest, Called(), ""
+    actions, gave = latest, ""
     for actions in [latest, *turns] if session.api == "parallel" else turns:
-        called, gave = _step(session, env, actions)
+        gave = _step(session, env, actions)
         if gave:
             break
-    return session.fact(
-        StepAfterEnd(raised=_kind(called.failed), gave=gave),
-        turn=len(base.play.actions or ()),
-        field="after_end",
-        proof=goes_on(session.api, actions, plays=True),
-    )
+    end, proof = len(base.play.actions or ()), goes_on(session.api, actions, plays=True)
+    return session.fact(StepAfterEnd(gave), turn=end, field="after_end", proof=proof)
 
 
-def _step(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
-    """A step where none should be, and what came of it in words."""
+def _step(session: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> str:
+    """Result of a step where none should be, in words."""
+    called = session.step(env, session.handed(dict(actions)))
     if session.api == "aec":
-        called = session.step(env, next(iter(actions.values()), None))
         left = session.call("agents", getattr, env, "agents").value
-        return called, f"a turn, and {left} go on" if called.failed is None and left else ""
-    called = session.step(env, dict(actions))
+        return f"a turn, and {left} go on" if called.failed is None and left else ""
     out = called.value if isinstance(called.value, tuple) else ()
-    gave = [name for name, part in zip(LEARNED, out[1:4], strict=False) if part]
-    return called, ", ".join(gave)
+    return ", ".join(name for name, part in zip(LEARNED, out[1:4], strict=False) if part)
 
 
 def _resets(
@@ -215,11 +202,8 @@ def _resets(
 ) -> Iterator[Saw]:
     """Resets after the episode, in the midst of an episode, and twice, each with a few turns."""
     if base.failed is not None and base.failed.call == "reset":
-        yield session.fact(
-            LaterReset(when="the first one", raised=_words(base.failed), agents=None),
-            field="reset",
-            proof=begins(session.api, 1, ()),
-        )
+        first = LaterReset(when="the first one", raised=_words(base.failed), agents=None)
+        yield session.fact(first, field="reset", proof=begins(session.api, 1, ()))
         return
     before, latest = base, begun.last
     ignored = []
@@ -232,20 +216,15 @@ def _resets(
         played = session.play(short, env, watch=sight.watch, state=False)
         sight.settle(env)
         raised = _words(twice.failed or _by_reset(played, base))
-        yield session.fact(
-            LaterReset(when=when, raised=raised, agents=sight.agents),
-            field=f"reset {when}",
-            proof=begins(session.api, resets, played.play.actions or ()),
-        )
+        later = LaterReset(when=when, raised=raised, agents=sight.agents)
+        proof = begins(session.api, resets, played.play.actions or ())
+        yield session.fact(later, field=f"reset {when}", proof=proof)
         if sight.first is not None and not before.is_over:
             ignored.append(sight.first == latest and sight.first != begun.first)
         before, latest = played, sight.last
     if ignored:
-        yield session.fact(
-            IgnoredResets(all(ignored)),
-            field="ignored",
-            proof=reproducer_of(reset_forgets, compares=True),
-        )
+        proof = reproducer_of(reset_forgets, compares=True)
+        yield session.fact(IgnoredResets(all(ignored)), field="ignored", proof=proof)
 
 
 def _by_reset(played: EpisodeResult, base: EpisodeResult) -> FailedCall | None:
@@ -268,14 +247,10 @@ def _dead_action(
     agent = session.call("agent_selection", getattr, env, "agent_selection").value
     own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
     if own and is_dead(session, env):
-        raised = _kind(session.step(env, own[-1]).failed)
-        yield session.fact(
-            DeadAction(agent=agent, raised=raised),
-            turn=turn,
-            agent=agent,
-            field="dead_action",
-            proof=refuses(own[-1]),
-        )
+        failed = session.step(env, own[-1]).failed
+        value = DeadAction(agent=agent, raised=None if failed is None else failed.kind)
+        proof = refuses(own[-1])
+        yield session.fact(value, turn=turn, agent=agent, field="dead_action", proof=proof)
 
 
 def _iterated(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
@@ -300,12 +275,8 @@ def _iterated(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[
     left = session.call("agents", getattr, env, "agents").value
     if failed is None and (left or len(named) >= len(actions)):
         value = IteratedAgents(named=named, selected=selected, asked=len(actions))
-        yield session.fact(
-            value,
-            turn=len(actions),
-            field="agent_iter",
-            proof=reproducer_of(agent_iter_names_actors),
-        )
+        proof = reproducer_of(agent_iter_names_actors)
+        yield session.fact(value, turn=len(actions), field="agent_iter", proof=proof)
 
 
 def _arguments(session: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
@@ -333,16 +304,11 @@ def _closed(session: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Sa
     if session.number == 0:
         raised["before any reset"] = _words(session.call("close", session.make().close).failed)
         for actions in (base.play.actions or ())[:1]:
-            called, gave = _step(session, session.make(), actions)
-            value = StepBeforeReset(raised=_kind(called.failed), gave=gave)
+            value = StepBeforeReset(_step(session, session.make(), actions))
             proof = goes_on(session.api, actions, plays=False)
             yield session.fact(value, turn=1, field="unborn_step", proof=proof)
     yield session.fact(Closings(raised), field="close")
 
 
-def _kind(failed: FailedCall | None) -> str | None:
-    return None if failed is None else failed.kind
-
-
 def _words(failed: FailedCall | None) -> str | None:
-    return None if failed is None else f"{failed.call}: {failed.kind}: {failed.text}"
+    return None if failed is None else f"{failed.call}: {failed.said}"

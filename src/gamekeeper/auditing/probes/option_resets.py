@@ -59,8 +59,7 @@ def options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         return
     base = session.fresh(play)
     before = replace(base.play, actions=(), most_turns=0)
-    plain = _after(session, before, base.play)
-    again = _after(session, before, base.play)
+    plain, again = (session.after(before, base.play) for _ in range(2))
     for key, default in list(asked.asked.items())[:MOST_OPTIONS]:
         for value in _others(_standing(env, key) if default is _UNKNOWN else default):
             first = session.fresh(replace(base.play, options={key: value}))
@@ -68,19 +67,10 @@ def options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
                 continue
             if session.divergence(base.episode, first.episode) is None:
                 continue
-            after = _after(session, replace(before, options={key: value}), base.play)
+            after = session.after(replace(before, options={key: value}), base.play)
             change = {"change": "options before", "option": key, "value": value}
             yield session.beside(plain.episode, again.episode, after.episode, change)
             break
-
-
-def _after(session: ProbeSession, before: EpisodePlan, play: EpisodePlan) -> Any:
-    """The episode in an instance that was reset before."""
-    with held():
-        env = session.env()
-        session.play(before, env)
-    with held():
-        return session.play(play, env)
 
 
 def _standing(env: Any, key: Any) -> Any:

@@ -57,14 +57,11 @@ def written(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     kinds = [kind for kind in asked if pen.count.get(kind)]
     if _first_divergence(session, "", base, everything) is None:
         for kind in kinds:
-            yield session.fact(WrittenValues(writes=pen.count[kind], seen=None), field=kind)
+            yield session.fact(WrittenValues(seen=None), field=kind)
         return
-    if not all(
-        _bears(session, base, asked) for _ in range(SURE)
-    ):  # it differs by itself, now and then
-        return
-    for kind in kinds:
-        yield _alone(session, kind, base)
+    if all(_bears(session, base, asked) for _ in range(SURE)):  # else it does so now and then
+        for kind in kinds:
+            yield _alone(session, kind, base)
 
 
 def _bears(session: ProbeSession, base: EpisodeResult, kinds: tuple[str, ...]) -> bool:
@@ -88,14 +85,12 @@ def _alone(session: ProbeSession, kind: str, base: EpisodeResult) -> Fact[Writte
     played = _played(session, base, pen)
     found = _first_divergence(session, kind, base, played)
     if found is None:
-        return session.fact(WrittenValues(writes=pen.count.get(kind, 0), seen=None), field=kind)
+        return session.fact(WrittenValues(seen=None), field=kind)
     seen = first_divergence_words(found)
     if played.failed is not None:
-        seen = f"{played.failed.call} raises {played.failed.kind}: {played.failed.text}"
-    value = WrittenValues(writes=pen.count.get(kind, 0), seen=seen)
-    return session.fact(
-        value, turn=env_steps_of(found), field=kind, proof=_proof(session.api, kind)
-    )
+        seen = f"{played.failed.call} raises {played.failed.said}"
+    turn, proof = env_steps_of(found), _proof(session.api, kind)
+    return session.fact(WrittenValues(seen), turn=turn, field=kind, proof=proof)
 
 
 def _first_divergence(

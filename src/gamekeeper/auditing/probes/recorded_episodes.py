@@ -69,9 +69,9 @@ def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     yield session.fact(TurnRosters(rosters), field="agents")
     if session.api == "aec":
         yield session.fact(SelectedAgents(selected), field="agent_selection")
-    if played.failed is not None:
-        failed = played.failed
-        raised = RaisedCall(failed.call, failed.kind, failed.text, failed.traceback)
+    failed = played.failed
+    if failed is not None:
+        raised = RaisedCall(failed.call, failed.kind, failed.text)
         yield session.fact(raised, turn=failed.turn, field="raised")
 
 
@@ -115,16 +115,12 @@ def evidence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     base = session.play(play, env, watch=watch)
     no_values = [text for agent, (text, _) in names.items() if not is_value(agent)]
     yield session.fact(AgentNames(list(names.values()), no_values), field="agents")
-    if (
-        base.failed is not None
-        or no_values
-        or len({text for text, _ in names.values()}) < len(names)
-    ):
+    texts = {text for text, _ in names.values()}
+    if base.failed is not None or no_values or len(texts) < len(names):
         return
     unchanged_rerun = session.play(base.play)
-    again = _replayed(
-        session, base.episode, session.env(), {agent_name(agent): agent for agent in names}
-    )
+    agents = {agent_name(agent): agent for agent in names}
+    again = _replayed(session, base.episode, session.env(), agents)
     if isinstance(again, Episode):
         yield session.beside(base.episode, unchanged_rerun.episode, again, {"change": "Replayed"})
     else:

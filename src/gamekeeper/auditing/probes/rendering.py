@@ -13,6 +13,7 @@ import numpy as np
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable, cut, moves
+from gamekeeper.auditing.probes.surface import modes
 from gamekeeper.checks.facts.render_facts import (
     BuiltMode,
     ChangedFrames,
@@ -76,7 +77,8 @@ def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             still = session.play(base.play, session.make(render_mode=None)).episode
             change = {"change": "RenderMode", "mode": None}
             yield session.beside(base.episode, unchanged_rerun.episode, still, change)
-        for mode in _modes(metadata, own):
+        in_use = [own] if isinstance(own, str) and own != "human" else []
+        for mode in list(dict.fromkeys([*in_use, *modes(metadata)]))[:MOST_MODES]:
             yield from _mode(
                 session, mode, own=own, takes=takes, base=base, unchanged_rerun=unchanged_rerun
             )
@@ -102,7 +104,7 @@ def _mode(
         yield session.fact(about)
         return
     made = built()
-    said = None if made.failed is None else _first_line(made.failed.text)
+    said = None if made.failed is None else made.failed.text.partition("\n")[0]
     shown = getattr(made.value, "render_mode", None)
     yield session.fact(replace(about, failed=said, is_missing=_is_missing(said), shown=shown))
     if made.failed is not None:
@@ -117,9 +119,8 @@ def _mode(
     filmed = session.play(base.play, made.value, watch=camera)
     change = {"change": "Rendered", "mode": mode}
     yield session.beside(still.episode, unchanged_rerun.episode, filmed.episode, change)
-    yield session.fact(
-        RenderedEpisode(mode, options, moves(filmed.episode), camera.shots), field="render"
-    )
+    rendered = RenderedEpisode(mode, options, moves(filmed.episode), camera.shots)
+    yield session.fact(rendered, field="render")
     yield session.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
     if session.divergence(base.episode, unchanged_rerun.episode) is None:
         env, again = made.value, base.play
@@ -128,7 +129,7 @@ def _mode(
             yield session.fact(SecondFrame(mode, options, digest))
     turns = len(base.play.actions or ())
     last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
-    for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
+    for first in sorted({*last, *map(rendered.since, last)} - {0}):
         late = Camera(session, first=first)
         refilmed = session.play(base.play, built().value, watch=late)
         is_same = session.divergence(filmed.episode, refilmed.episode) is None
@@ -137,14 +138,6 @@ def _mode(
     pen = Pen(session)
     session.play(cut(base.play, WRITTEN_TURNS), built().value, watch=pen)
     yield session.fact(WrittenFrames(mode, options, pen.turns, pen.count))
-
-
-def _since(shots: list[Shot], turn: int) -> int:
-    """The first of the turns in a row, this one the last, at which a film shows the same."""
-    shown = {shot.turn: shot.digest for shot in shots}
-    while turn - 1 in shown and shown[turn - 1] == shown.get(turn):
-        turn -= 1
-    return turn
 
 
 class Camera:
@@ -235,18 +228,6 @@ def _scribble(array: Any) -> Any:
     """Another value for every element, of a pattern that no picture has by itself."""
     marks = np.resize(np.arange(1, PATTERN), array.shape).astype(array.dtype)
     return np.where(array == marks, marks + 1, marks).astype(array.dtype)
-
-
-def _modes(metadata: Any, own: Any) -> list[str]:
-    """The declared modes, and the one in use, without "human", which needs a screen."""
-    declared = metadata.get("render_modes") if isinstance(metadata, dict) else None
-    listed = declared if isinstance(declared, list | tuple) else ()
-    named = [mode for mode in (own, *listed) if isinstance(mode, str) and mode != "human"]
-    return list(dict.fromkeys(named))[:MOST_MODES]
-
-
-def _first_line(text: str) -> str:
-    return text.partition("\n")[0]
 
 
 def _is_missing(said: str | None) -> bool:

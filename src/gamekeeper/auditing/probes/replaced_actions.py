@@ -13,8 +13,8 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import cut, legal, other_action
 from gamekeeper.checks.facts.episode_facts import MoverTrial, Payment
+from gamekeeper.checks.rounds import movers
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -51,18 +51,17 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """
     env = session.env()
     base = session.play(play, env, state=False)
-    spots = [turn for turn in base.episode.turns if _influence_movers(turn)]
+    spots = [turn for turn in base.episode.turns if movers(turn)]
     if not spots:
         return
     unchanged_rerun = session.play(base.play, env, state=False)
-    volatile = session.contract.volatile_infos()
-    if compare(base.episode, unchanged_rerun.episode, volatile=volatile).divergence is not None:
+    if session.divergence(base.episode, unchanged_rerun.episode) is not None:
         session.unlike[:] = session.unlike or [base.play]
     step = max(len(spots) // TRIALS, 1)
     offset = play.stream % step
     for place, turn in enumerate(spots[offset::step][: TRIALS + 1]):
-        movers = _influence_movers(turn)
-        agent = movers[(place + play.stream) % len(movers)]
+        acted = movers(turn)
+        agent = acted[(place + play.stream) % len(acted)]
         mask = turn.masks.get(agent)
         found, action = other(session, agent, turn.actions[agent], mask, turn.index)
         if not found:
@@ -89,11 +88,6 @@ def _legal_for(session: ProbeSession, episode: Episode, start: int, later: int) 
                 if int(action) not in legal(space, mask):
                     return turn.index - start - 1
     return later
-
-
-def _influence_movers(turn: Turn) -> list[str]:
-    """Lists the agents that acted and were alive."""
-    return [agent for agent in turn.order if turn.actions.get(agent) is not None]
 
 
 def other(session: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:
@@ -170,8 +164,8 @@ def alternatives(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
                 if session.meter.steps - begun > session.ration:
                     return
                 looked[key] = looked.get(key, 0) + 1
-                movers = _alternatives_movers(session, env, base, turn, agent, term, amount)
-                value = Payment(term=term, agent=agent, amount=amount, movers=movers)
+                found = _alternatives_movers(session, env, base, turn, agent, term, amount)
+                value = Payment(term=term, agent=agent, amount=amount, movers=found)
                 yield session.fact(value, turn=turn.index, agent=agent, field="rewards")
 
 
@@ -209,7 +203,7 @@ def last_acts(episode: Episode, turn: int) -> dict[str, Turn]:
     for each in episode.turns:
         if each.index > turn:
             break
-        found.update({a: each for a in each.order if each.actions.get(a) is not None})
+        found.update(dict.fromkeys(movers(each), each))
     return found
 
 

@@ -87,12 +87,8 @@ AGAIN: Final = 4
 
 def _special_seeds_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     """One for each of the seeds."""
-    for seed, play in zip(
-        SPECIAL_SEEDS,
-        session.plays(len(SPECIAL_SEEDS), runs=AGAIN + 1, most_turns=SPECIAL_TURNS),
-        strict=True,
-    ):
-        yield replace(play, seed=seed)
+    plays = session.plays(len(SPECIAL_SEEDS), runs=AGAIN + 1, most_turns=SPECIAL_TURNS)
+    return (replace(play, seed=seed) for seed, play in zip(SPECIAL_SEEDS, plays, strict=True))
 
 
 @probe("special_seeds", share=1.0, plays=_special_seeds_plays)
@@ -109,7 +105,7 @@ def special_seeds(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     yield session.beside(one.episode, one.episode, two.episode, change)
     is_refused = one.failed is not None and one.failed.call == "reset"
     if one.failed is not None and is_refused:
-        yield session.fact(SpecialRefused(f"{one.failed.kind}: {one.failed.text}"))
+        yield session.fact(SpecialRefused(one.failed.said))
     if is_refused or _parts(session, one, two):
         plain, again, _ = _twice(session, replace(play, seed=PLAIN, actions=None))
         is_same = not _parts(session, plain, again)
@@ -130,7 +126,7 @@ def _twice(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, Epi
     again, env = _fresh(session, script)
     used = [again]
     while len(used) < AGAIN and not _parts(session, one, used[-1]):
-        used.append(_played(session, script, env))
+        used.append(session.play(script, env))
     if len(used) == 1 or not _parts(session, one, used[-1]):
         return one, used[-1], len(used) > 1
     if not _parts(session, used[-1], _unseeded(session, script, len(used))):
@@ -146,19 +142,14 @@ def _unseeded(session: ProbeSession, script: EpisodePlan, count: int) -> Episode
     """The last of so many plays in one instance, of which only the first has its seed."""
     played, env = _fresh(session, script)
     for _ in range(count - 1):
-        played = _played(session, replace(script, seed=None), env)
+        played = session.play(replace(script, seed=None), env)
     return played
 
 
 def _fresh(session: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, Any]:
     with held():
         env = session.env()
-    return _played(session, play, env), env
-
-
-def _played(session: ProbeSession, play: EpisodePlan, env: Any) -> EpisodeResult:
-    with held():
-        return session.play(play, env)
+    return session.play(play, env), env
 
 
 def _parts(session: ProbeSession, one: EpisodeResult, two: EpisodeResult) -> bool:
@@ -335,7 +326,7 @@ def second_episode(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         if before is base.play:
             after, times = _once_more(session, base, BEFORE[session.number % len(BEFORE)])
         else:
-            after = _after(session, before, base.play, times)
+            after = session.after(before, base.play, times)
         if not _parts(session, base, after):
             yield session.beside(base.episode, base.episode, after.episode, change)
             continue
@@ -359,26 +350,12 @@ def _once_more(session: ProbeSession, base: EpisodeResult, most: int) -> tuple[E
     """The episode after itself, until it is another, and how often it went before."""
     with held():
         env = session.env()
-        session.play(base.play, env)
-    times = 0
-    while True:
-        times += 1
-        with held():
-            after = session.play(base.play, env)
-        if times == most or _parts(session, base, after):
+    session.play(base.play, env)
+    for times in range(1, most + 1):
+        after = session.play(base.play, env)
+        if _parts(session, base, after):
             return after, times
-
-
-def _after(
-    session: ProbeSession, before: EpisodePlan, play: EpisodePlan, times: int
-) -> EpisodeResult:
-    """The episode in an instance in which another was played before, so many times."""
-    with held():
-        env = session.env()
-        for _ in range(times):
-            session.play(before, env)
-    with held():
-        return session.play(play, env)
+    return after, most
 
 
 def _script_of(
@@ -398,5 +375,5 @@ def _seeds_matter(
 ) -> tuple[bool, bool]:
     """Tells whether another seed makes another episode, in a fresh instance and a used one."""
     other = replace(base.play, seed=(base.play.seed or 0) + 1)
-    used = _after(session, before, other, times)
+    used = session.after(before, other, times)
     return _parts(session, base, session.fresh(other)), _parts(session, after, used)

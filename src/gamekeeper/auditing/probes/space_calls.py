@@ -143,8 +143,8 @@ class _Watch:
             _quietly(self.session, name, getattr(self.env, name), agent) for _ in range(2)
         )
         space = one.value if isinstance(one.value, Space) else None
-        said = None if one.failed is None else f"{one.failed.kind}: {one.failed.text}"
-        asked = AskedSpace(which, when, space, said, type_name(one.value), one.value is other.value)
+        is_same = one.value is other.value
+        asked = AskedSpace(which, when, space, one.said, type_name(one.value), is_same)
         self._note(asked, turn, agent, name)
         if space is None:
             return
@@ -182,8 +182,7 @@ class _Watch:
             self._observed += 1
             seen = self.session.call("observe", self.env.observe, agent)
             if seen.failed is not None:
-                said = f"{seen.failed.kind}: {seen.failed.text}"
-                self._note(OthersView(failed=said, misfits=[]), turn, agent, "observe")
+                self._note(OthersView(failed=seen.said, misfits=[]), turn, agent, "observe")
                 continue
             found = [
                 [each.kind, each.path, each.expected, each.actual, each.test]
@@ -207,8 +206,7 @@ class _Watch:
         for agent in roster:
             if isinstance(infos.get(agent), dict):
                 done = self.session.call("pickle", pickle.dumps, infos[agent])
-                why = None if done.failed is None else f"{done.failed.kind}: {done.failed.text}"
-                self._note(PickledInfo(unpicklable=why), turn, agent, "infos")
+                self._note(PickledInfo(unpicklable=done.said), turn, agent, "infos")
 
     def _look_at_flags(self, turn: int, out: Any) -> None:
         """Notes the first flag that is a bool of NumPy's."""

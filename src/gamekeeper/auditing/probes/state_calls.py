@@ -46,7 +46,7 @@ def state(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """
     env = session.env()
     if not callable(getattr(env, "state", None)):  # a field of that name is no state()
-        yield session.fact(StateSpace(is_there=False, space=None, shape=None, dtype=None))
+        yield session.fact(StateSpace(False, None, None, None))
         return
     recorder = StateRecorder(session, env)
     base = session.play(play, env, watch=recorder, state=False)
@@ -58,14 +58,8 @@ def state(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     is_there = bool(answers) and answers[0].failed is None
     is_there &= space is not None or any(answer.kind != "NoneType" for answer in answers)
     is_there |= space is not None and not refused.startswith("NotImplementedError")
-    yield session.fact(
-        StateSpace(
-            is_there=is_there,
-            space=None if space is None else str(space),
-            shape=getattr(space, "shape", None),
-            dtype=None if getattr(space, "dtype", None) is None else str(space.dtype),  # type: ignore[union-attr]  # it has one
-        )
-    )
+    text, dtype = (None if x is None else str(x) for x in (space, getattr(space, "dtype", None)))
+    yield session.fact(StateSpace(is_there, text, getattr(space, "shape", None), dtype))
     if not is_there:
         return
     yield session.fact(StateAnswers(moves=moves(base.episode), answers=answers), field="state")
@@ -85,18 +79,10 @@ class StateRecorder:
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """One moment."""
         called = self._session.call("state", lambda: env.state())  # it may be gone by now
-        space = self.space if called.failed is None else None
-        answer = form_of(turn, called.value, space)
-        again = self._session.call("state", lambda: env.state())
-        self.answers.append(
-            replace(
-                answer,
-                failed=called.said,
-                over=not env.agents,
-                digest=_digest(called.value),
-                again=_digest(again.value),
-            )
-        )
+        answer = form_of(turn, called.value, self.space if called.failed is None else None)
+        answer = replace(answer, failed=called.said, over=not env.agents)
+        again = _digest(self._session.call("state", lambda: env.state()).value)
+        self.answers.append(replace(answer, digest=_digest(called.value), again=again))
 
 
 def space_of(session: ProbeSession, env: Any) -> Space[Any] | None:

@@ -210,10 +210,7 @@ class _Seen:
 def _reset(session: ProbeSession, env: Any, play: EpisodePlan) -> Any:
     """The roster after a reset with the play's seed; None where it raised."""
     session.meter.count(RESET_STEPS)
-    given: dict[str, Any] = {} if play.seed is None else {"seed": play.seed}
-    if play.options is not None:
-        given["options"] = dict(play.options)
-    failed = session.call("reset", env.reset, **given).failed
+    failed = session.reset(env, play).failed
     return _names(session, env, "agents") if failed is None else None
 
 
@@ -322,29 +319,30 @@ def metadata(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     env = session.env()
     metadata = getattr(env, "metadata", None)
     before = to_json(metadata)
+    after: list[tuple[str, str | None, str]] = []
+
+    def note(done: str, mode: str | None = None) -> None:
+        after.append((done, mode, to_json(getattr(env, "metadata", None))))
+
     session.play(play, env)
+    note("play")
     own = getattr(env, "render_mode", None)
     fields = dict(metadata) if isinstance(metadata, dict) else {}
-    yield session.fact(
-        Metadata(kind=type(metadata).__name__, fields=dict(fields), own=own), field="metadata"
-    )
-    after: list[tuple[str, str | None, str]] = [
-        ("play", None, to_json(getattr(env, "metadata", None)))
-    ]
+    yield session.fact(Metadata(type(metadata).__name__, fields, own), field="metadata")
     if own is not None and own != "human":
         session.call("render", env.render)
-        after.append(("render", None, to_json(getattr(env, "metadata", None))))
+        note("render")
     if session.can_make:
         session.call("make", session.make)
-        after.append(("make", None, to_json(getattr(env, "metadata", None))))
-        for mode in _modes(fields):
+        note("make")
+        for mode in modes(fields)[:MOST_MODES]:
             session.call("make", session.make, render_mode=mode)
-            after.append(("make", mode, to_json(getattr(env, "metadata", None))))
+            note("make", mode)
     yield session.fact(LaterMetadata(before=before, after=after), field="metadata")
 
 
-def _modes(fields: dict[str, Any]) -> list[str]:
-    """Modes in which further instances are built; "human" needs a screen."""
-    declared = fields.get("render_modes")
+def modes(metadata: Any) -> list[str]:
+    """The declared render modes without "human", which needs a screen."""
+    declared = metadata.get("render_modes") if isinstance(metadata, dict) else None
     listed = declared if isinstance(declared, list | tuple) else ()
-    return [mode for mode in listed if isinstance(mode, str) and mode != "human"][:MOST_MODES]
+    return [mode for mode in listed if isinstance(mode, str) and mode != "human"]

@@ -113,8 +113,10 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Cases
     """
     if not tells_both_flags(evidence):
         return
-    left = _left_a_turn if evidence.api == "aec" else _left_a_tick
-    for episode, turn, agent, has_ended in left(evidence):
+    left = _left_a_tick(evidence)
+    if evidence.api == "aec":
+        left = ((e.episode, e.turn + 1, agent, up) for e, agent, up in departures(evidence))
+    for episode, turn, agent, has_ended in left:
         if not may_leave(contract, agent):
             where = episode.at(turn, agent, "agents")
             expected = "a termination or a truncation"
@@ -136,12 +138,6 @@ def _left_a_tick(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, b
             if not is_twofold(turn):
                 yield from ((episode, turn.index, agent, agent in ended) for agent in sorted(left))
             live = turn.live
-
-
-def _left_a_turn(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
-    """Yields each agent that left an AEC episode, its turn, and if its flags were or are up."""
-    for each, agent, has_ended in departures(evidence):
-        yield each.episode, each.turn + 1, agent, has_ended
 
 
 ALL_OVER_PROOF = """\
@@ -180,14 +176,10 @@ def the_episode_is_over_for_those_who_ended(contract: Contract, evidence: ProbeE
             ended = ended_in(turn) & live
             if ended and not turn.live and not is_twofold(turn):
                 silent = sorted(live - ended)
-                yield Case(
-                    episode.at(turn, silent[0] if silent else None, "agents"),
-                    not silent,
-                    "a termination or a truncation of everybody",
-                    f"{', '.join(sorted(ended))} ended, and {', '.join(silent)} "
-                    "stopped without either",
-                    proof=ALL_OVER_PROOF,
-                )
+                where = episode.at(turn, silent[0] if silent else None, "agents")
+                expected = "a termination or a truncation of everybody"
+                seen = f"{', '.join(sorted(ended))} ended, and {', '.join(silent)} stopped without"
+                yield Case(where, not silent, expected, f"{seen} either", ALL_OVER_PROOF)
             live = turn.live
 
 

@@ -179,15 +179,9 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     for fact in evidence.facts(Closings):
         for when, raised in fact.value.raised.items():
-            yield Case(
-                fact.where,
-                raised is None,
-                f"close() {when} does nothing, or closes",
-                raised,
-                proof=reproducer_of(
-                    closes, resets=int(when != "before any reset"), times=1 + (when == "twice")
-                ),
-            )
+            expected, times = f"close() {when} does nothing, or closes", 1 + (when == "twice")
+            proof = reproducer_of(closes, resets=int(when != "before any reset"), times=times)
+            yield Case(fact.where, raised is None, expected, raised, proof)
 
 
 @check(

@@ -28,17 +28,12 @@ def fares(episode: Episode, agents: Sequence[str]) -> FloatArray:
     Of an episode that was cut off only whole rounds count.
     """
     rows = np.zeros((len(agents), 3))
-    place = {agent: row for row, agent in enumerate(agents)}
     for turn in _whole_rounds(episode):
-        for agent, paid in turn.rewards.items():
-            if agent in place:
-                rows[place[agent], 0] += paid
-        for agent in turn.order:
-            if agent in place:
-                rows[place[agent], 1] += 1
-        for agent in turn.ended:
-            if agent in place:
-                rows[place[agent], 2] = float(bool(turn.terminated.get(agent)))
+        acted, ended = set(turn.order), turn.ended
+        for agent, row in zip(agents, rows, strict=True):
+            row[:2] += turn.rewards.get(agent, 0.0), agent in acted
+            if agent in ended:
+                row[2] = bool(turn.terminated.get(agent))
     return rows
 
 
@@ -181,13 +176,9 @@ def symmetric_agents_fare_alike(contract: Contract, evidence: ProbeEvidence) -> 
         episodes = list(evidence["rollout"])
     p_values = p_by_role(episodes, roles)
     for role, p in zip(p_values, holm(list(p_values.values())), strict=True):
-        yield Case(
-            Where("all rollouts", field=role),
-            p > LEVEL,
-            f"agents of {role!r} have equal results with random actions",
-            f"they don't in {len(episodes)} episodes (p = {p:.4f})",
-            proof=reproducer_of(
-                agents_fare_alike, agents=roles[role], episodes=EPISODES, level=LEVEL
-            ),
-            confidence=1 - p if p <= LEVEL else None,
-        )
+        where = Where("all rollouts", field=role)
+        is_ok = p > LEVEL
+        expected = f"agents of {role!r} have equal results with random actions"
+        seen = f"they don't in {len(episodes)} episodes (p = {p:.4f})"
+        proof = reproducer_of(agents_fare_alike, agents=roles[role], episodes=EPISODES, level=LEVEL)
+        yield Case(where, is_ok, expected, seen, proof, confidence=1 - p if p <= LEVEL else None)

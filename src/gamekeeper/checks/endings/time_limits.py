@@ -79,18 +79,14 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
                 break
             if tick == horizon and turn.ended:
                 is_truncated = is_truncated or bool(early)
+                where, expected = (
+                    episode.at(turn, None, "truncations"),
+                    "truncated by the time limit",
+                )
                 if early or _are_reasons_declared(contract, episode, turn):
-                    yield Case(episode.at(turn, None, "truncations"), True)
+                    yield Case(where, True)
                 else:
-                    ended_by_rule.append(
-                        Case(
-                            episode.at(turn, None, "truncations"),
-                            False,
-                            "truncated by the time limit",
-                            "terminated",
-                            proof=CUT[api],
-                        )
-                    )
+                    ended_by_rule.append(Case(where, False, expected, "terminated", CUT[api]))
     # a rule may end one episode in its last tick by chance; not each of them
     if len(ended_by_rule) > 1 and not is_truncated:
         yield from ended_by_rule
@@ -123,14 +119,11 @@ def _other_limit(contract: Contract, evidence: ProbeEvidence, horizon: int) -> C
             continue  # judged as any early truncation
         if not is_cut and "termination" in declared and tick not in _limits(evidence).values():
             continue  # games of one length end so by their rules
-        yield Case(
-            episode.at(turn, sorted(turn.ended)[0], "truncations" if is_cut else "terminations"),
-            False,
-            f"a time limit of {horizon} ticks, as declared",
-            f"each of {len(ends)} whole episodes {'cut' if is_cut else 'over'} after {tick}",
-            proof=reproducer_of(no_truncation_alone if is_cut else no_termination_alone, api=api),
-            confidence=0.9,
-        )
+        where = episode.at(turn, sorted(turn.ended)[0], "truncations" if is_cut else "terminations")
+        expected = f"a time limit of {horizon} ticks, as declared"
+        seen = f"each of {len(ends)} whole episodes {'cut' if is_cut else 'over'} after {tick}"
+        proof = reproducer_of(no_truncation_alone if is_cut else no_termination_alone, api=api)
+        yield Case(where, False, expected, seen, proof, confidence=0.9)
 
 
 def _cut(turn: Turn) -> list[str]:
@@ -240,13 +233,11 @@ def _at_the_limit(api: str, episode: Episode, limits: Mapping[str, int]) -> Case
     for turn, tick in ticks_before(episode, api):
         names = [name for name, value in limits.items() if value == tick]
         if names and turn.ended and _is_last(episode, turn):
-            yield Case(
-                episode.at(turn, None, "terminations"),
-                any(turn.truncated.values()),
-                f"truncated after {tick} ticks, as {names[0]} = {tick}",
-                f"terminated: {', '.join(sorted(turn.ended))}",
-                proof=reproducer_of(no_termination_alone, api=api),
-            )
+            where = episode.at(turn, None, "terminations")
+            is_ok = any(turn.truncated.values())
+            expected = f"truncated after {tick} ticks, as {names[0]} = {tick}"
+            seen = f"terminated: {', '.join(sorted(turn.ended))}"
+            yield Case(where, is_ok, expected, seen, reproducer_of(no_termination_alone, api=api))
             return
 
 

@@ -33,15 +33,9 @@ class TriedAction:
 
 @dataclass(frozen=True, slots=True)
 class EndedActions:
-    """Actions of agents that have ended; without `raised` and `turn` they made no difference.
-
-    Attributes:
-        raised: the class of the exception.
-        turn: the first at which what is given differs.
-    """
+    """Agents that have ended, and the first turn that their actions changed; None: they didn't."""
 
     agents: list[Any]
-    raised: str | None
     turn: int | None
 
 

@@ -6,11 +6,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class ChangedView:
-    """An observation that changed within a cycle.
-
-    Attributes:
-        after: agents that had acted in between.
-    """
+    """An observation that changed within a cycle, after some agents had acted."""
 
     agent: Any
     after: list[Any]

@@ -40,17 +40,11 @@ class SelectedAgents:
 
 @dataclass(frozen=True, slots=True)
 class RaisedCall:
-    """A call of a rollout that raised.
-
-    Attributes:
-        call: `reset`, `last`, `step`, ...
-        kind: the class of the exception.
-    """
+    """A call of a rollout that raised: `reset`, `last`, `step`; the exception's class and text."""
 
     call: str
     kind: str
     text: str
-    traceback: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,11 +126,7 @@ class PaymentTime:
 
 @dataclass(frozen=True, slots=True)
 class Payment:
-    """A payment of a declared term that was looked into.
-
-    Attributes:
-        movers: by agent that acted before.
-    """
+    """A payment of a declared term that was looked into, and alternatives by agent."""
 
     term: str
     agent: str

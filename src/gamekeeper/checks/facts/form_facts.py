@@ -115,11 +115,7 @@ class DrawnPriority:
 
 @dataclass(frozen=True, slots=True)
 class FormError:
-    """An exception of the environment that ended an episode of the form, or its replaced moves.
-
-    Attributes:
-        during: `an episode` or `replaced moves`.
-    """
+    """An exception during `an episode` of the form, or its `replaced moves`, which it ended."""
 
     during: str
     error: str

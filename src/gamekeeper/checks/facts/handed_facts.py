@@ -21,11 +21,7 @@ class ChangedValue:
 
 @dataclass(frozen=True, slots=True)
 class ChangedArgument:
-    """An argument that changed in a call.
-
-    Attributes:
-        agent: whose; None for the dictionary itself.
-    """
+    """An argument that changed in a call, and whose it is; None for the dictionary itself."""
 
     agent: Any
     before: Any
@@ -69,13 +65,8 @@ class HandedOptions(HandedActions):
 
 @dataclass(frozen=True, slots=True)
 class WrittenValues:
-    """Values of one kind (the field) that were written into.
+    """Another course of an episode, in words, once values of one kind (the field) were changed."""
 
-    Attributes:
-        seen: how the episode went another way, in words.
-    """
-
-    writes: int
     seen: str | None
 
 
@@ -88,11 +79,7 @@ class OfferedCalls:
 
 @dataclass(frozen=True, slots=True)
 class RepeatedLast:
-    """`last()` called twice at each turn.
-
-    Attributes:
-        told: reward and flags by both calls where they first differed.
-    """
+    """`last()` called twice at each turn: reward and flags by both where they first differed."""
 
     looks: int
     told: tuple[Any, Any] | None

@@ -6,25 +6,14 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class StepAfterEnd:
-    """A step after the end of an episode.
+    """Result of a step after the end of an episode, in words; empty where nothing came of it."""
 
-    Attributes:
-        raised: the class of the exception.
-        gave: what came of it, in words; empty where nothing did.
-    """
-
-    raised: str | None
     gave: str
 
 
 @dataclass(frozen=True, slots=True)
 class LaterReset:
-    """A reset, mostly after others, then a few turns.
-
-    Attributes:
-        when: in words.
-        raised: in words.
-    """
+    """A reset, mostly after others, then a few turns; its time and exception in words."""
 
     when: str
     raised: str | None
@@ -40,11 +29,7 @@ class IgnoredResets:
 
 @dataclass(frozen=True, slots=True)
 class DeadAction:
-    """An action of a dead agent that isn't None.
-
-    Attributes:
-        raised: the class of the exception.
-    """
+    """An action of a dead agent that isn't None, and the class of the exception that it raised."""
 
     agent: Any
     raised: str | None

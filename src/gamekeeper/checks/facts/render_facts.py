@@ -51,14 +51,20 @@ class RenderedMode:
 
 @dataclass(frozen=True, slots=True)
 class RenderedEpisode(RenderedMode):
-    """A filmed episode.
-
-    Attributes:
-        moves: turns at which an agent's observation changed.
-    """
+    """A filmed episode, and the number of turns at which an agent's observation changed."""
 
     moves: int
     shots: list[Shot]
+
+    def shown(self, turn: int) -> str | None:
+        """Digest of the frame at this turn."""
+        return next((shot.digest for shot in self.shots if shot.turn == turn), None)
+
+    def since(self, turn: int) -> int:
+        """The first of the turns in a row, this one the last, at which the film shows the same."""
+        while turn and self.shown(turn - 1) == self.shown(turn):
+            turn -= 1
+        return turn
 
 
 @dataclass(frozen=True, slots=True)

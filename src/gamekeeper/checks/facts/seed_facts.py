@@ -54,11 +54,7 @@ class EpisodeElsewhere:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeBefore:
-    """The episode that went before, beside a counterfactual that differs.
-
-    Attributes:
-        episode: its seed and actions; None: the same one.
-    """
+    """Seed and actions of an episode that went before, beside a difference; None: the same one."""
 
     episode: tuple[int | None, tuple[Any, ...]] | None
     times: int = 1

@@ -24,12 +24,7 @@ class AskedSpace:
 
 @dataclass(frozen=True, slots=True)
 class ChangedSpace:
-    """A space beside what it was first.
-
-    Attributes:
-        when: as in `AskedSpace`.
-        is_same: whether they are equal.
-    """
+    """A space beside what it was first, at a time as in `AskedSpace`."""
 
     when: str
     was: str
@@ -46,12 +41,7 @@ class SpaceFaults:
 
 @dataclass(frozen=True, slots=True)
 class SpaceEntry:
-    """An entry of `observation_spaces` or `action_spaces` beside the method.
-
-    Attributes:
-        dictionary: its space as text.
-        method: the method's.
-    """
+    """An entry of `observation_spaces` or `action_spaces` beside the method's space, as texts."""
 
     dictionary: str
     method: str

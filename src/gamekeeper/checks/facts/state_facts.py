@@ -29,12 +29,7 @@ class StateAnswer:
 
 @dataclass(frozen=True, slots=True)
 class StateSpace:
-    """The declared space of `state()`.
-
-    Attributes:
-        shape: of the space, where it has one.
-        dtype: of the space, where it has one.
-    """
+    """The declared space of `state()`, with its shape and dtype where it has any."""
 
     is_there: bool
     space: str | None
@@ -44,11 +39,7 @@ class StateSpace:
 
 @dataclass(frozen=True, slots=True)
 class StateAnswers:
-    """Answers of `state()` along an episode.
-
-    Attributes:
-        moves: turns at which an agent's observation changed.
-    """
+    """Answers of `state()`, and the number of turns at which an agent's observation changed."""
 
     moves: int
     answers: list[StateAnswer]

@@ -1,6 +1,6 @@
 """Checks of render modes, of their frames, and of what rendering changes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from textwrap import indent
 from typing import Any, Final
@@ -95,13 +95,9 @@ def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Cases:
         seen = fact.value
         if seen.taken and not seen.is_missing:
             failed = seen.failed
-            yield Case(
-                fact.where,
-                failed is None,
-                f"an environment in mode {seen.mode!r}",
-                failed or "an environment",
-                proof=Reproducer("make()", plays=False, options=seen.options),
-            )
+            expected = f"an environment in mode {seen.mode!r}"
+            proof = Reproducer("make()", plays=False, options=seen.options)
+            yield Case(fact.where, failed is None, expected, failed or "an environment", proof)
 
 
 PROMISED: Final = {
@@ -144,13 +140,9 @@ def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Cases
                 continue
             if shot.over and shot.kind == "NoneType":
                 continue
-            where = _at(fact.where, shot.turn)
+            where = replace(fact.where, turn=shot.turn, field="render")
             seen = f"it raised {failed}" if failed else _words(shot)
             yield Case(where, _is_right(mode, shot), PROMISED[mode], seen, proof=proof)
-
-
-def _at(where: Any, turn: int) -> Any:
-    return type(where)(where.probe, where.play, turn, None, "render")
 
 
 def _is_right(mode: str, shot: Shot) -> bool:
@@ -229,27 +221,20 @@ def frames_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Cas
     Fix: return a new array from every render(): self.canvas.copy()
     """
     for fact in evidence.facts(ChangedFrames):
-        seen, options = fact.value, fact.value.options
-        proof = reproducer_of(frames_stay, options=options)
-        if seen.count > 1:
-            turns = seen.turns
-            yield Case(
-                replace(fact.where, turn=turns[0] + 1 if turns else None, field="render"),
-                not turns,
-                "every frame as it was handed out",
-                f"{len(turns)} of {seen.count} frames changed later",
-                proof=proof,
-            )
+        count, turns = fact.value.count, fact.value.turns
+        if count > 1:
+            where = replace(fact.where, turn=turns[0] + 1 if turns else None, field="render")
+            expected = "every frame as it was handed out"
+            seen = f"{len(turns)} of {count} frames changed later"
+            proof = reproducer_of(frames_stay, options=fact.value.options)
+            yield Case(where, not turns, expected, seen, proof)
     for written in evidence.facts(WrittenFrames):
-        frames, turns = written.value, written.value.turns
-        if frames.count:
-            yield Case(
-                replace(written.where, turn=turns[0] if turns else None, field="frame"),
-                not turns,
-                "the next frame as it would have been",
-                f"what was written into {len(turns)} of {frames.count} frames stands in the next",
-                proof=reproducer_of(written_frames_are_gone, options=frames.options),
-            )
+        count, turns = written.value.count, written.value.turns
+        if count:
+            where = replace(written.where, turn=turns[0] if turns else None, field="frame")
+            seen = f"what was written into {len(turns)} of {count} frames stands in the next"
+            proof = reproducer_of(written_frames_are_gone, options=written.value.options)
+            yield Case(where, not turns, "the next frame as it would have been", seen, proof)
 
 
 LEAST_MOVES: Final = 8
@@ -288,13 +273,10 @@ def frames_move(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for looks in films.values():
         is_ok = any(different > 1 for _, different in looks)
         fact, different = looks[0]
-        yield Case(
-            replace(fact.where, turn=None, field="frames"),
-            is_ok,
-            "frames that change as the game moves",
-            f"{different} different frame",
-            proof=reproducer_of(moving_frames, options=fact.value.options),
-        )
+        where = replace(fact.where, turn=None, field="frames")
+        seen = f"{different} different frame"
+        proof = reproducer_of(moving_frames, options=fact.value.options)
+        yield Case(where, is_ok, "frames that change as the game moves", seen, proof)
 
 
 RENDERING_LINES = (
@@ -326,14 +308,13 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Ca
             proof = Reproducer(
                 course_lines(evidence.api) + RENDERING_LINES,
                 plays=False,
-                options=_options(evidence, counterfactual.change),
+                options=_options(evidence, counterfactual.change["mode"]),
                 compares=True,
             )
             yield from counterfactual_cases(counterfactual, "the episode without a camera", proof)
 
 
-def _options(evidence: ProbeEvidence, change: object) -> dict[str, str]:
-    mode = change["mode"]  # type: ignore[index]  # plain data of a change
+def _options(evidence: ProbeEvidence, mode: str) -> dict[str, str]:
     for fact in evidence.facts(BuiltMode):
         if fact.value.mode == mode:
             return dict(fact.value.options)
@@ -427,46 +408,30 @@ def frames_show_now(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: draw when render() is called, or forget what was drawn in step() and in reset()
     """
-    step = "    env.step(action)\n"
-    step = step if evidence.api == "parallel" else f"    env.last()\n{step}"
-    films = {_key(fact): fact.value.shots for fact in evidence.facts(RenderedEpisode)}
+    films = {_key(fact): fact.value for fact in evidence.facts(RenderedEpisode)}
     fresh = {
         (*_key(fact), fact.value.turn): fact.value.digest for fact in evidence.facts(FirstFrame)
     }
-    taken: list[Fact[FirstFrame] | Fact[SecondFrame]] = [
-        *evidence.facts(FirstFrame),
-        *evidence.facts(SecondFrame),
-    ]
+    first, second = evidence.facts(FirstFrame), evidence.facts(SecondFrame)
+    taken: list[Fact[FirstFrame] | Fact[SecondFrame]] = [*first, *second]
     for fact in sorted(taken, key=lambda each: each.where.play):
-        shots, digest = films.get(_key(fact), []), fact.value.digest
+        rendered, digest = films.get(_key(fact)), fact.value.digest
         turn = fact.value.turn if isinstance(fact.value, FirstFrame) else 0
-        shot = _shown(shots, turn)
-        if shot is None or digest is None:
+        shot = None if rendered is None else rendered.shown(turn)
+        if rendered is None or shot is None or digest is None:
             continue
         if isinstance(fact.value, FirstFrame):
-            earlier = (fresh.get((*_key(fact), t)) for t in (turn - 1, _since(shots, turn)))
-            is_old = shot in (shots[0].digest, *earlier)
+            earlier = (fresh.get((*_key(fact), t)) for t in (turn - 1, rendered.since(turn)))
+            is_old, lines = shot in (rendered.shots[0].digest, *earlier), LATE
             where, seen = replace(fact.where, turn=turn, field="late"), "an earlier frame"
         else:
-            is_old = digest == shots[-1].digest
+            is_old, lines = digest == rendered.shots[-1].digest, AGAIN
             where, seen = replace(fact.where, field="again"), "the last frame of the episode before"
         is_ok = not (is_old and shot != digest)
-        lines = LATE.format(step=step) if isinstance(fact.value, FirstFrame) else AGAIN
+        lines = lines.format(step=_step(evidence.api))
         proof = film_proof(evidence.api, fact.value.options, lines)
         told = "a frame of this moment"
         yield Case(where, is_ok, told, told if is_ok else seen, proof=proof)
-
-
-def _shown(shots: Sequence[Shot], turn: int) -> str | None:
-    """The digest of a film's frame at this turn."""
-    return next((shot.digest for shot in shots if shot.turn == turn), None)
-
-
-def _since(shots: Sequence[Shot], turn: int) -> int:
-    """The first of the turns in a row, this one the last, at which the film shows the same."""
-    while turn and _shown(shots, turn - 1) == _shown(shots, turn):
-        turn -= 1
-    return turn
 
 
 def _key(fact: Fact[RenderedEpisode] | Fact[FirstFrame] | Fact[SecondFrame]) -> tuple[int, str]:

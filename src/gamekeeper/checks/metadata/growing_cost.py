@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from statistics import mean, stdev
-from typing import Any, Final
+from typing import Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import LOW, Case, Cases, check
@@ -84,16 +84,19 @@ def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -
             return
         is_growing = all(is_rising(look, factor=STEP_COST_FACTOR, least=least) for look in looks)
         first, last = round(looks[0][0]), round(looks[0][-1])
-        look = "" if evidence.api == "parallel" else "env.last()\n    "
-        column = 0 if name == "lines" else 1
-        proof = Reproducer(
-            text_of(work)[0] + STEP_COST_PROOF.format(look=look, column=column),
-            plays=False,
-            imports=("sys", "tracemalloc"),
-        )
-        where = _where(plays[0].where, name)
+        first_lines, column = text_of(work)[0], 0 if name == "lines" else 1
+        proof = _traced(evidence.api, STEP_COST_PROOF, "sys", first_lines, column=column)
+        where = replace(plays[0].where, turn=None, agent=None, field=f"step.{name}")
         seen = f"{last} after {len(plays[0].value.live)} turns"
         yield Case(where, not is_growing, f"about {first} {STEP_COST_WORDS[name]}", seen, proof)
+
+
+def _traced(api: str, lines: str, module: str, first: str = "", **values: int) -> Reproducer:
+    """Lines that count memory; in an AEC environment `last()` is called before each step."""
+    indent = lines.partition("{look}")[0].rpartition("\n")[2]
+    look = "" if api == "parallel" else f"env.last()\n{indent}"
+    imports = module, "tracemalloc"
+    return Reproducer(first + lines.format(look=look, **values), plays=False, imports=imports)
 
 
 def _by_agent(work: TurnWork, name: str) -> list[float]:
@@ -102,10 +105,7 @@ def _by_agent(work: TurnWork, name: str) -> list[float]:
     return [value / max(now / live[0], 1.0) for value, now in zip(series, live, strict=True)]
 
 
-def _where(where: Any, name: str) -> Any:
-    return type(where)(where.probe, where.play, None, None, f"step.{name}")
-
-
+REPEATED: Final = "several episodes, one after the other, that were played to their end"
 EPISODE_COST_WARM: Final = 2
 """Episodes in which caches may fill."""
 EPISODE_COST_FACTOR: Final = 1.1
@@ -122,12 +122,7 @@ assert costs[-1][{column}] < 1.1 * costs[0][{column}], ('lines and bytes by epis
 """
 
 
-@check(
-    "GK832",
-    LOW,
-    "repeated",
-    looks_at="several episodes, one after the other, that were played to their end",
-)
+@check("GK832", LOW, "repeated", looks_at=REPEATED)
 def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The cost of an episode doesn't grow with the number of episodes before it.
 
@@ -150,11 +145,8 @@ def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Cases
         for name, least in EPISODE_COST_LEAST.items():
             costs = getattr(fact.value, name)[EPISODE_COST_WARM:]
             is_growing = is_rising(costs, factor=EPISODE_COST_FACTOR, least=least)
-            look = "" if evidence.api == "parallel" else "env.last()\n        "
-            lines = EPISODE_COST_PROOF.format(look=look, column=0 if name == "lines" else 1)
-            proof = Reproducer(
-                text_of(work)[0] + lines, plays=False, imports=("sys", "tracemalloc")
-            )
+            first, column = text_of(work)[0], 0 if name == "lines" else 1
+            proof = _traced(evidence.api, EPISODE_COST_PROOF, "sys", first, column=column)
             where = replace(fact.where, field=f"episodes.{name}")
             is_ok = not is_growing
             expected = f"about {costs[0]} {EPISODE_COST_WORDS[name]} an episode"
@@ -188,12 +180,7 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
 """
 
 
-@check(
-    "GK833",
-    LOW,
-    "repeated",
-    looks_at="several episodes, one after the other, that were played to their end",
-)
+@check("GK833", LOW, "repeated", looks_at=REPEATED)
 def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An episode leaves no memory behind: what is in use doesn't grow from episode to episode.
 
@@ -219,15 +206,11 @@ def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -
         ]
         most = LINE_BYTES + NUMBER_BYTES * len(evidence.agents)
         middle, error = mean(left), 3 * stdev(left) / len(left) ** 0.5
-        look = "" if evidence.api == "parallel" else "env.last()\n        "
-        lines = EPISODE_MEMORY_PROOF.format(look=look, most=most)
-        yield Case(
-            replace(fact.where, field="episodes.memory"),
-            middle - error < most,
-            f"less than {most} bytes more an episode",
-            f"{middle - error:.0f} to {middle + error:.0f} bytes more an episode",
-            proof=Reproducer(lines, plays=False, imports=("gc", "tracemalloc")),
-        )
+        where = replace(fact.where, field="episodes.memory")
+        is_ok = middle - error < most
+        seen = f"{middle - error:.0f} to {middle + error:.0f} bytes more an episode"
+        proof = _traced(evidence.api, EPISODE_MEMORY_PROOF, "gc", most=most)
+        yield Case(where, is_ok, f"less than {most} bytes more an episode", seen, proof)
 
 
 LEAST_BYTES: Final = 32 << 10
@@ -265,10 +248,7 @@ def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Cases:
         if len(fact.value.sizes) >= LEAST_TURNS:
             kept = sorted(after - before for before, after in pairwise(fact.value.sizes))
             middle = kept[len(kept) // 2]
-            look = "" if evidence.api == "parallel" else "env.last()\n    "
-            proof = Reproducer(
-                STEP_MEMORY_PROOF.format(look=look), plays=False, imports=("gc", "tracemalloc")
-            )
+            proof = _traced(evidence.api, STEP_MEMORY_PROOF, "gc")
             where = replace(fact.where, field="step.memory")
             expected = f"less than {LEAST_BYTES} bytes a step"
             yield Case(where, middle < LEAST_BYTES, expected, f"{middle} bytes a step", proof)

@@ -177,13 +177,8 @@ def states_are_within_bounds(contract: Contract, evidence: ProbeEvidence) -> Cas
         elif answer.is_within is not None:
             space = space_of(evidence, fact.where.play).space
             seen = "a value in it" if answer.is_within else "a value outside"
-            yield Case(
-                answer_at(fact, answer, "state.bounds"),
-                answer.is_within,
-                f"in {space}",
-                seen,
-                WITHIN,
-            )
+            is_ok = answer.is_within
+            yield Case(answer_at(fact, answer, "state.bounds"), is_ok, f"in {space}", seen, WITHIN)
         elif answer.dtype is not None:
             yield Case(answer_at(fact, answer, "state.nan"), True, "numbers", "numbers", NUMBER)
 

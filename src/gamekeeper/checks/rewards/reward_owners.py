@@ -112,13 +112,10 @@ def rewards_stay_with_their_agents(contract: Contract, evidence: ProbeEvidence) 
 def _shifts(found: Sequence[_Paid], is_shift: bool) -> Cases:
     """Cases of replaced actions that moved rewards."""
     for each in found:
-        yield Case(
-            each.where,
-            not is_shift,
-            "its own reward, as while all were in the game",
-            f"another action of {each.agent!r} moves the reward of {each.shifted!r} alone",
-            _proof(each.turn, each.choice, each.agent, each.shifted) if is_shift else None,
-        )
+        is_ok = not is_shift
+        seen = f"another action of {each.agent!r} moves the reward of {each.shifted!r} alone"
+        proof = _proof(each.turn, each.choice, each.agent, each.shifted) if is_shift else None
+        yield Case(each.where, is_ok, "its own reward, as while all were in the game", seen, proof)
 
 
 def _found(evidence: ProbeEvidence) -> list[_Paid]:

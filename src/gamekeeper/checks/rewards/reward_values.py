@@ -1,7 +1,7 @@
 """Checks of rewards: numbers, made anew, told once and in full by `last()`, and 0 after the end."""
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
@@ -124,45 +124,34 @@ class _Account:
     is_sure: bool = True
 
 
-@dataclass(slots=True)
-class _Ledger:
-    """The accounts of one episode."""
-
-    accounts: dict[str, _Account] = field(default_factory=dict)
-
-    def of(self, agent: str) -> _Account:
-        """The agent's account, a fresh one at first."""
-        return self.accounts.setdefault(agent, _Account())
-
-    def book(self, turn: Turn) -> None:
-        """Notes what a step paid; what a dead step leaves standing is nobody's pay."""
-        is_dead = is_dead_step(turn)
-        for agent, reward in turn.rewards.items():
-            account = self.of(agent)
-            if is_dead or not math.isfinite(reward):
-                account.is_sure = account.is_sure and not reward
-                continue
-            account.paid.append(reward)
-        for agent, fields in turn.nonconforming.items():
-            if "reward" in fields:
-                self.of(agent).is_sure = False
+def _book(accounts: Mapping[str, _Account], turn: Turn) -> None:
+    """Notes what a step paid; what a dead step leaves standing is nobody's pay."""
+    is_dead = is_dead_step(turn)
+    for agent, reward in turn.rewards.items():
+        account = accounts[agent]
+        if is_dead or not math.isfinite(reward):
+            account.is_sure = account.is_sure and not reward
+            continue
+        account.paid.append(reward)
+    for agent, fields in turn.nonconforming.items():
+        if "reward" in fields:
+            accounts[agent].is_sure = False
 
 
 def _told(episode: Episode, last: Mapping[int, Any]) -> Iterator[ReportedReward]:
     """The looks of one episode; `last` has the results of `last()` by turn, where known."""
-    ledger = _Ledger()
+    accounts = defaultdict[str, _Account](_Account)
     for turn in episode.turns:
         agent = turn.order[0] if turn.order else next(iter(turn.cumulative_reward), None)
         if agent is None:
             continue
-        told, account = last.get(turn.index, turn.cumulative_reward.get(agent)), ledger.of(agent)
+        told, account = last.get(turn.index, turn.cumulative_reward.get(agent)), accounts[agent]
         is_known = isinstance(told, int | float) and math.isfinite(told)
-        if is_known and account.is_sure and (told or sum(account.paid) or account.carried):
-            yield ReportedReward(
-                episode, turn.index, agent, told, tuple(account.paid), account.carried
-            )
-        ledger.accounts[agent] = _Account(carried=told if is_known else 0.0)
-        ledger.book(turn)
+        paid, carried = tuple(account.paid), account.carried
+        if is_known and account.is_sure and (told or sum(paid) or carried):
+            yield ReportedReward(episode, turn.index, agent, told, paid, carried)
+        accounts[agent] = _Account(carried=told if is_known else 0.0)
+        _book(accounts, turn)
 
 
 @check("GK403", HIGH, "rollout", "books", api="aec")
@@ -219,13 +208,11 @@ def rewards_are_told_once(contract: Contract, evidence: ProbeEvidence) -> Cases:
             "carried": f", with the {told.carried!r} that it gave at the turn before",
             "again": ", the same more than once",
         }.get(kind, "")
-        yield Case(
-            told.episode.at(told.turn, told.agent, "cumulative_reward"),
-            kind not in ("carried", "again"),
-            f"{told.owed!r}, the sum of `rewards` since its last turn",
-            f"last() gives {told.told!r}{more}",
-            proof=reproducer_of(rewards_add_up),
-        )
+        where = told.episode.at(told.turn, told.agent, "cumulative_reward")
+        is_ok = kind not in ("carried", "again")
+        expected = f"{told.owed!r}, the sum of `rewards` since its last turn"
+        seen = f"last() gives {told.told!r}{more}"
+        yield Case(where, is_ok, expected, seen, reproducer_of(rewards_add_up))
 
 
 RESET_DEBT_PROOF: Final = """\
@@ -331,16 +318,12 @@ def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for episode in evidence["rollout"]:
         for turn in episode.turns:
             strange = _strange(turn)
-            for agent, seen in strange.items():
+            rewards: dict[str, Any] = {**strange, **turn.rewards, **strange}
+            for agent, seen in rewards.items():
+                is_ok = agent not in strange and math.isfinite(seen)
                 where = episode.at(turn, agent, "rewards")
-                expected = "one finite real number"
-                yield Case(where, False, expected, seen, _number_proof(evidence.api, agent))
-            for agent, reward in turn.rewards.items():
-                if agent not in strange:
-                    where = episode.at(turn, agent, "rewards")
-                    is_ok = math.isfinite(reward)
-                    expected = "one finite real number"
-                    yield Case(where, is_ok, expected, reward, _number_proof(evidence.api, agent))
+                proof = _number_proof(evidence.api, agent)
+                yield Case(where, is_ok, "one finite real number", seen, proof)
 
 
 def _strange(turn: Turn) -> dict[str, str]:

@@ -72,13 +72,10 @@ def truncations_lose_no_reward(contract: Contract, evidence: ProbeEvidence) -> C
     is_lost = not any(is_paid for *_, is_paid in looks)
     books = "rewards" if evidence.api == "parallel" else "env.rewards"
     for episode, turn, _ in looks if len(looks) >= LEAST_CUTS else ():
-        yield Case(
-            episode.at(turn, None, "rewards"),
-            not is_lost,
-            f"a reward, as in {sum(ordinary)} of {len(ordinary)} other steps",
-            f"nobody is paid in a step that truncates, in each of {len(looks)} episodes",
-            proof=f"assert any({books}.values()), {books}",
-        )
+        where = episode.at(turn, None, "rewards")
+        expected = f"a reward, as in {sum(ordinary)} of {len(ordinary)} other steps"
+        seen = f"nobody is paid in a step that truncates, in each of {len(looks)} episodes"
+        yield Case(where, not is_lost, expected, seen, f"assert any({books}.values()), {books}")
 
 
 @check(

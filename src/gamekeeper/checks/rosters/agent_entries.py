@@ -1,6 +1,6 @@
 """Checks of what the dictionaries say of agents that live, end or have left."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -97,6 +97,9 @@ def entry_place(episode: Episode, turn: Turn, agent: str, part: str) -> Where:
 
 ACCOUNTS: Final = frozenset({"cumulative_reward", "terminated", "truncated"})
 NONE_GONE: Final = "assert not gone, gone"
+GONE: Final = f"gone = set({{book}}) - set(env.agents) - set(ACTIONS[-1])\n{NONE_GONE}"
+GONE_FROM: Final = f"gone = set({{book}}) - set(env.agents)\n{NONE_GONE}"
+LIVING: Final = "missing = set(env.agents) - set({book})\nassert not missing, missing"
 BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
 
 
@@ -128,18 +131,20 @@ def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvid
             if following is not None:  # they joined in the step, and may be paid in it
                 gone -= following.turn.live
             gone -= each.turn.ended - ever  # they joined, and ended in the same step
-            bad = [(a, part) for a in sorted(gone) for part in sorted(each.has(a) & ACCOUNTS)]
-            for agent, part in bad:
-                expected = "no entry: it isn't in the game"
-                seen = f"an entry in {PARTS[part]}"
-                proof = (
-                    f"gone = set({PARTS[part]}) - set(env.agents) - set(ACTIONS[-1])\n{NONE_GONE}"
-                )
-                yield Case(
-                    entry_place(episode, each.turn, agent, part), False, expected, seen, proof
-                )
-            if not bad:
-                yield Case(episode.at(each.turn, None, "agents"), True)
+            entries = [(a, part) for a in sorted(gone) for part in sorted(each.has(a) & ACCOUNTS)]
+            yield from _too_many(episode, each.turn, entries, "it isn't in the game", GONE)
+
+
+def _too_many(
+    episode: Episode, turn: Turn, entries: list[tuple[str, str]], why: str, lines: str
+) -> Cases:
+    """Yields a case for each entry that shouldn't be there; without any one for the turn."""
+    for agent, part in entries:
+        where, book = entry_place(episode, turn, agent, part), PARTS[part]
+        proof = lines.format(book=book)
+        yield Case(where, False, f"no entry: {why}", f"an entry in {book}", proof)
+    if not entries:
+        yield Case(episode.at(turn, None, "agents"), True)
 
 
 def _removed_early(contract: Contract, evidence: ProbeEvidence) -> set[str]:
@@ -151,6 +156,18 @@ def _removed_early(contract: Contract, evidence: ProbeEvidence) -> set[str]:
     }
 
 
+def _of_books(
+    where: Where, found: Mapping[str, list[str]], expected: str, seen: str, lines: str
+) -> Cases:
+    """Yields a case for each book with these agents; without any one for the turn."""
+    for name, agents in found.items():
+        if agents:
+            at, told = replace(where, agent=agents[0], field=name), f"{seen} {', '.join(agents)}"
+            yield Case(at, False, expected, told, lines.format(book=f"env.{name}"))
+    if not any(found.values()):
+        yield Case(replace(where, field="agents"), True)
+
+
 def _gone_in_books(evidence: ProbeEvidence, told: set[str]) -> Cases:
     for fact in evidence.facts(BookEntries):
         for turn, books in enumerate(fact.value.turns):
@@ -158,17 +175,8 @@ def _gone_in_books(evidence: ProbeEvidence, told: set[str]) -> Cases:
                 name: [each for each in books.strangers.get(name, ()) if each not in told]
                 for name in BOOKS
             }
-            for name, agents in found.items():
-                if agents:
-                    yield Case(
-                        replace(fact.where, turn=turn, agent=agents[0], field=name),
-                        False,
-                        "entries of those in agents",
-                        f"also of {', '.join(agents)}",
-                        proof=f"gone = set(env.{name}) - set(env.agents)\n{NONE_GONE}",
-                    )
-            if not any(found.values()):
-                yield Case(replace(fact.where, turn=turn, field="agents"), True)
+            where, expected = replace(fact.where, turn=turn), "entries of those in agents"
+            yield from _of_books(where, found, expected, "also of", GONE_FROM)
 
 
 @check("GK107", HIGH, "rollout", "surface")
@@ -195,13 +203,9 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
                 continue  # no dictionary, so no entry: GK110
             bad = [(a, p) for a in sorted(each.missing) for p in _owed(each, a)]
             for agent, part in bad:
-                yield Case(
-                    entry_place(episode, each.turn, agent, part),
-                    False,
-                    "an entry, as the agent is live",
-                    "no entry",
-                    proof=_living_proof(PARTS[part]),
-                )
+                where = entry_place(episode, each.turn, agent, part)
+                proof = LIVING.format(book=PARTS[part])
+                yield Case(where, False, "an entry, as the agent is live", "no entry", proof)
             if not bad and not misshapen:
                 yield Case(episode.at(each.turn, None, "agents"), True)
 
@@ -225,20 +229,14 @@ def _living_in_books(evidence: ProbeEvidence) -> Cases:
     for fact in evidence.facts(BookEntries):
         for turn, books in enumerate(fact.value.turns):
             missing = {name: a for name, a in books.missing.items() if name != "infos"}
-            for name, agents in missing.items():
-                yield Case(
-                    replace(fact.where, turn=turn, agent=agents[0], field=name),
-                    False,
-                    "an entry for every agent in agents",
-                    f"none for {', '.join(agents)}",
-                    proof=_living_proof(f"env.{name}"),
-                )
-            if not missing:
-                yield Case(replace(fact.where, turn=turn, field="agents"), True)
+            where, expected = replace(fact.where, turn=turn), "an entry for every agent in agents"
+            yield from _of_books(where, missing, expected, "none for", LIVING)
 
 
-def _living_proof(book: str) -> str:
-    return f"missing = set(env.agents) - set({book})\nassert not missing, missing"
+LAST_STEP: Final = """\
+ended = [agent for agent in ACTIONS[-1] if agent not in env.agents]
+missing = [agent for agent in ended if agent not in {book}]
+assert not missing, missing"""
 
 
 @check("GK108", HIGH, "rollout", "surface", api="parallel", looks_at="an agent that ends")
@@ -267,23 +265,12 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
                 if set(lost) >= FLAGS:
                     continue  # nothing says that it has ended: GK501 or GK502
                 for part in lost:
-                    yield Case(
-                        entry_place(episode, each.turn, agent, part),
-                        False,
-                        "an entry in the step that ends the agent",
-                        "no entry",
-                        proof=_last_step_proof(part),
-                    )
+                    where = entry_place(episode, each.turn, agent, part)
+                    expected = "an entry in the step that ends the agent"
+                    proof = LAST_STEP.format(book=PARTS[part])
+                    yield Case(where, False, expected, "no entry", proof)
                 if not lost:
                     yield Case(episode.at(each.turn, agent, "agents"), True)
-
-
-def _last_step_proof(part: str) -> str:
-    return (
-        "ended = [agent for agent in ACTIONS[-1] if agent not in env.agents]\n"
-        f"missing = [agent for agent in ended if agent not in {PARTS[part]}]\n"
-        "assert not missing, missing"
-    )
 
 
 INFOS_AT_RESET = "assert not set(env.agents) - set(infos), set(env.agents) - set(infos)"
@@ -312,13 +299,9 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
         for fact in evidence.facts(BookEntries):
             for turn, books in enumerate(fact.value.turns):
                 agents = books.missing.get("infos", ())
-                yield Case(
-                    replace(fact.where, turn=turn, field="infos"),
-                    not agents,
-                    "an entry for every agent in agents",
-                    f"none for {', '.join(agents)}",
-                    proof=IN_BOOKS,
-                )
+                where = replace(fact.where, turn=turn, field="infos")
+                seen = f"none for {', '.join(agents)}"
+                yield Case(where, not agents, "an entry for every agent in agents", seen, IN_BOOKS)
         return
     answers = any(fact.value.infos_answer for fact in evidence.facts(ReturnedForms))
     misshapen = _misshapen(evidence)
@@ -331,13 +314,10 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
             owed &= set(each.turn.agents)
             lost = sorted(a for a in owed if "info" in each.missing.get(a, ()) and not answers)
             if lost or not misshapen:
-                yield Case(
-                    episode.at(each.turn, lost[0] if lost else None, "infos"),
-                    not lost,
-                    "an entry for every agent",
-                    f"none for {', '.join(lost)}",
-                    proof=IN_STEP if each.turn.index else INFOS_AT_RESET,
-                )
+                where = episode.at(each.turn, lost[0] if lost else None, "infos")
+                seen = f"none for {', '.join(lost)}"
+                proof = IN_STEP if each.turn.index else INFOS_AT_RESET
+                yield Case(where, not lost, "an entry for every agent", seen, proof)
 
 
 EXPECTED: Final = {
@@ -373,13 +353,16 @@ def reset_returns_two_dictionaries_and_step_five(
                 yield Case(where, not wrong, LAST, wrong, proof=PROOF_AEC)
                 continue
             field = "what step returns" if turn else "what reset returns"
-            yield Case(
-                replace(fact.where, turn=turn, field=field),
-                not wrong,
-                EXPECTED[not turn],
-                wrong,
-                proof=reproducer_of(gives_dictionaries),
-            )
+            is_ok = not wrong
+            expected = EXPECTED[not turn]
+            proof = reproducer_of(gives_dictionaries)
+            yield Case(replace(fact.where, turn=turn, field=field), is_ok, expected, wrong, proof)
+
+
+GONE_VIEWS: Final = f"""\
+gone = set({{book}}) & set(env.possible_agents)
+gone -= set(env.agents) | set(ACTIONS[-1])
+{NONE_GONE}"""
 
 
 @check(
@@ -403,23 +386,6 @@ def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> C
         for each in turn_entries(episode):
             ever |= each.turn.live
             gone = (set(each.turn.agents) & ever) - each.turn.live - each.before - each.acted
-            bad = [
-                (a, part) for a in sorted(gone) for part in sorted(each.has(a) & ENTRIES_AT_RESET)
-            ]
-            for agent, part in bad:
-                expected = "no entry: it has left"
-                seen = f"an entry in {PARTS[part]}"
-                proof = _gone_view_proof(part)
-                yield Case(
-                    entry_place(episode, each.turn, agent, part), False, expected, seen, proof
-                )
-            if not bad:
-                yield Case(episode.at(each.turn, None, "agents"), True)
-
-
-def _gone_view_proof(part: str) -> str:
-    return (
-        f"gone = set({PARTS[part]}) & set(env.possible_agents)\n"
-        "gone -= set(env.agents) | set(ACTIONS[-1])\n"
-        "assert not gone, gone"
-    )
+            parts = {a: sorted(each.has(a) & ENTRIES_AT_RESET) for a in sorted(gone)}
+            entries = [(a, part) for a in parts for part in parts[a]]
+            yield from _too_many(episode, each.turn, entries, "it has left", GONE_VIEWS)

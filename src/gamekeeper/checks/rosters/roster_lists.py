@@ -186,13 +186,9 @@ def _strangers_in_dictionaries(evidence: ProbeEvidence, possible: set[str]) -> C
             strangers = [a for a in each.turn.agents if not _is_known(a, possible)]
             for agent in strangers:
                 for part in sorted(each.has(agent) - FREE):
-                    yield Case(
-                        entry_place(episode, each.turn, agent, part),
-                        False,
-                        "entries of agents only",
-                        f"an entry of {agent!r}",
-                        proof=_stranger_proof(part),
-                    )
+                    where = entry_place(episode, each.turn, agent, part)
+                    seen = f"an entry of {agent!r}"
+                    yield Case(where, False, "entries of agents only", seen, _stranger_proof(part))
             if not strangers:
                 yield Case(episode.at(each.turn, None, "agents"), True)
 

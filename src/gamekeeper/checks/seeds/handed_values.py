@@ -21,6 +21,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import shown
 
 T = TypeVar("T")
+GOES_ON = "the episode goes on as if nothing was written"
 PLACES = {"observations": 0, "rewards": 1, "terminations": 2, "truncations": 3, "infos": -1}
 """Place of each part in the tuple that a Parallel environment's step returns."""
 
@@ -255,14 +256,8 @@ def written_cases(evidence: ProbeEvidence, kind: str) -> Cases:
     """Yields a case for every episode in which things of this kind were overwritten."""
     for fact in evidence.facts(WrittenValues):
         if fact.where.field == kind:
-            seen = fact.value.seen
-            yield Case(
-                fact.where,
-                seen is None,
-                "the episode goes on as if nothing was written",
-                "it goes on the same" if seen is None else seen,
-                proof=fact.proof,
-            )
+            seen = fact.value.seen or "it goes on the same"
+            yield Case(fact.where, fact.value.seen is None, GOES_ON, seen, fact.proof)
 
 
 def none_of(kind: str, reason: str) -> Callable[[Contract, ProbeEvidence], str | None]:
@@ -447,9 +442,8 @@ def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) 
             yield Case(counterfactual.base.at(None, None, "kept"), True)
             continue
         where = counterfactual.base.at(env_steps_of(first_divergence), None, "kept")
-        expected = "the episode goes on as if nothing was written"
         proof = reproducer_of(actions_are_read_at_once, compares=True)
-        yield Case(where, False, expected, first_divergence_words(first_divergence), proof)
+        yield Case(where, False, GOES_ON, first_divergence_words(first_divergence), proof)
 
 
 LINES = """\

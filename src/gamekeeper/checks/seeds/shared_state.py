@@ -14,7 +14,7 @@ from gamekeeper.checks.facts.seed_facts import (
     SettledElsewhere,
     UnmovedGenerator,
 )
-from gamekeeper.checks.literal import literal
+from gamekeeper.checks.literal import step_literal
 from gamekeeper.checks.paired_episodes import (
     difference_place,
     ignores_seeds,
@@ -125,14 +125,9 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
             yield Case(fact.where, True, "as it was", "as it was")
         elif isinstance(fact.value, MovedGenerator):
             name, call = fact.value.generator, fact.value.call
-            yield Case(
-                fact.where,
-                False,
-                "as it was",
-                f"{name} was seeded or drawn from in {call}",
-                _global_generator_proof(evidence.api, name),
-                lines=fact.value.lines,
-            )
+            seen = f"{name} was seeded or drawn from in {call}"
+            proof = _global_generator_proof(evidence.api, name)
+            yield Case(fact.where, False, "as it was", seen, proof, lines=fact.value.lines)
 
 
 def _global_generator_proof(api: str, name: str) -> Reproducer:
@@ -248,30 +243,23 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Case
                         "        other.step(actions)",
                         "    alike(first, play(make()))",
                     )
-                    yield Case(
-                        difference_place(counterfactual, counterfactual.noise),
-                        False,
-                        "the same episode as in a first instance",
-                        told_difference(counterfactual.noise),
-                        program(
-                            evidence.api,
-                            *lines,
-                            tells=told_of(contract, counterfactual),
-                            unchanged=(),
-                        ),
-                    )
+                    where = difference_place(counterfactual, counterfactual.noise)
+                    seen = told_difference(counterfactual.noise)
+                    tells = told_of(contract, counterfactual)
+                    proof = program(evidence.api, *lines, tells=tells, unchanged=())
+                    yield Case(where, False, "the same episode as in a first instance", seen, proof)
 
 
 def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Reproducer:
     seed, actions = (0, ()) if other is None else (other.seed, other.actions)
-    turns = [dict(a) if api == "parallel" else next(iter(a.values()), None) for a in actions]
+    turns = ", ".join(step_literal(api, each) for each in actions)
     return program(
         api,
         "alone = play(make())",
         "env, other = make(), make()",
         "calls = [lambda: None]",
         f"calls += [lambda: other.reset(seed={seed})]",
-        f"calls += [lambda actions=actions: other.step(actions) for actions in {literal(turns)}]",
+        f"calls += [lambda actions=actions: other.step(actions) for actions in [{turns}]]",
         "calls = iter(calls)",
         "alike(alone, play(env, between=lambda: next(calls, lambda: None)()))",
         tells=tells,

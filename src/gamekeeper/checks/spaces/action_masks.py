@@ -27,12 +27,7 @@ USUAL: Final = tuple(
 
 @dataclass(frozen=True, slots=True)
 class GivenMask:
-    """One look at one place where a mask stands.
-
-    Attributes:
-        place: `observation.action_mask` or another.
-        space: the action space of the agent.
-    """
+    """One look at one place where a mask stands, such as `observation.action_mask`."""
 
     episode: Episode
     turn: Turn
@@ -208,14 +203,13 @@ def mask_lines(api: str, agent: str, place: str) -> str:
     return f"agent = next(a for a in {name} if str(a) == {agent!r})\nmask = {name}[agent]{keys}"
 
 
-@check(
-    "GK230",
-    HIGH,
-    "rollout",
-    "spaces",
-    applies=without_masks,
-    looks_at="an agent with an action mask",
-)
+OF_MASKS: Final[dict[str, Any]] = {
+    "applies": without_masks,
+    "looks_at": "an agent with an action mask",
+}
+
+
+@check("GK230", HIGH, "rollout", "spaces", **OF_MASKS)
 def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action mask has one number for each action of its agent, no more and no fewer.
 
@@ -245,14 +239,7 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
         )
 
 
-@check(
-    "GK231",
-    MEDIUM,
-    "rollout",
-    "spaces",
-    applies=without_masks,
-    looks_at="an agent with an action mask",
-)
+@check("GK231", MEDIUM, "rollout", "spaces", **OF_MASKS)
 def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An action mask is an int8 array of zeros and ones, so that `space.sample(mask)` takes it.
 
@@ -304,14 +291,7 @@ def _fault_of(mask: Any) -> str | None:
     return None if strange.size == 0 else f"{strange.flat[0].item()} among the numbers"
 
 
-@check(
-    "GK233",
-    HIGH,
-    "rollout",
-    "spaces",
-    applies=without_masks,
-    looks_at="an agent with an action mask",
-)
+@check("GK233", HIGH, "rollout", "spaces", **OF_MASKS)
 def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """The mask of a live agent that is to move allows at least one action.
 
@@ -374,13 +354,8 @@ def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Cases:
         for turn in episode.turns:
             for agent in movers(evidence.api, turn):
                 for seen, told in _pair_of(turn, agent):
-                    yield Case(
-                        episode.at(turn, agent, f"infos[{MASK!r}]"),
-                        _same(seen, told),
-                        seen,
-                        told,
-                        proof=_proof(evidence.api, agent),
-                    )
+                    where = episode.at(turn, agent, f"infos[{MASK!r}]")
+                    yield Case(where, _same(seen, told), seen, told, _proof(evidence.api, agent))
 
 
 def _pair_of(turn: Turn, agent: str) -> Iterator[tuple[Any, Any]]:
@@ -448,11 +423,6 @@ def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> C
                         found.add(agent)
         for agent, turn_index in first.items():
             place = str(contract.mask_of(agent))
-            yield Case(
-                episode.at(turn_index, agent, place),
-                agent in found,
-                f"a mask at {place}",
-                "nothing stands there",
-                proof=f"{mask_lines(evidence.api, agent, place)}\n"
-                f"assert mask is not None, {place!r}",
-            )
+            where = episode.at(turn_index, agent, place)
+            proof = f"{mask_lines(evidence.api, agent, place)}\nassert mask is not None, {place!r}"
+            yield Case(where, agent in found, f"a mask at {place}", "nothing stands there", proof)

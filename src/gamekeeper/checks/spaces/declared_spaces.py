@@ -129,21 +129,15 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     for fact in evidence.facts(SpaceFaults):
         found, name, agent = fact.value.faults, fact.where.field, str(fact.where.agent)
-        yield Case(
-            fact.where,
-            not found,
-            "a space that holds values",
-            "; ".join(found),
-            proof=(
-                f"agent = next(a for a in env.possible_agents if str(a) == {agent!r})\n"
-                f"space = env.{name}(agent)\n"
-                "try:\n"
-                "    is_sound = space.contains(space.sample())\n"
-                "except Exception:  # NumPy refuses such bounds\n"
-                "    is_sound = False\n"
-                "assert is_sound, space"
-            ),
-        )
+        proof = f"""\
+agent = next(a for a in env.possible_agents if str(a) == {agent!r})
+space = env.{name}(agent)
+try:
+    is_sound = space.contains(space.sample())
+except Exception:  # NumPy refuses such bounds
+    is_sound = False
+assert is_sound, space"""
+        yield Case(fact.where, not found, "a space that holds values", "; ".join(found), proof)
 
 
 @check("GK205", LOW, "spaces", looks_at="an attribute `observation_spaces` or `action_spaces`")
@@ -163,13 +157,9 @@ def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Cas
     """
     for fact in evidence.facts(SpaceEntry):
         value, name = fact.value, fact.where.field
-        yield Case(
-            fact.where,
-            bool(value.is_same),
-            f"{value.method}, as the method says",
-            value.dictionary,
-            proof=(
-                f"for agent, space in env.{name}.items():\n"
-                f"    assert space == env.{name.removesuffix('s')}(agent), (agent, space)"
-            ),
+        proof = (
+            f"for agent, space in env.{name}.items():\n"
+            f"    assert space == env.{name.removesuffix('s')}(agent), (agent, space)"
         )
+        expected = f"{value.method}, as the method says"
+        yield Case(fact.where, bool(value.is_same), expected, value.dictionary, proof)

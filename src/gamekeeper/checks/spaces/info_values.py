@@ -32,21 +32,19 @@ def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Cases
             strange = turn.nonconforming
             for agent in turn.infos:
                 seen = strange.get(agent, {}).get("info")
-                yield Case(
-                    episode.at(turn, agent, "infos"),
-                    seen is None,
-                    "a dictionary",
-                    None if seen is None else f"a {seen['type']}: {seen.get('value')!r}",
-                    proof=_info_kind_proof(evidence.api, agent),
-                )
+                where = episode.at(turn, agent, "infos")
+                told = None if seen is None else f"a {seen['type']}: {seen.get('value')!r}"
+                info = _info_of(evidence.api, agent)
+                proof = f"info = {info}\nassert isinstance(info, dict), info"
+                yield Case(where, seen is None, "a dictionary", told, proof)
 
 
-def _info_kind_proof(api: str, agent: str) -> str:
-    if api == "aec":
-        return "info = env.last()[-1]\nassert isinstance(info, dict), info"
+def _info_of(api: str, agent: str) -> str:
+    """The agent's info, as Python."""
     return (
-        f"info = next(infos[a] for a in infos if str(a) == {agent!r})\n"
-        "assert isinstance(info, dict), info"
+        "env.last()[-1]"
+        if api == "aec"
+        else f"next(infos[a] for a in infos if str(a) == {agent!r})"
     )
 
 
@@ -67,15 +65,9 @@ def infos_can_be_pickled(contract: Contract, evidence: ProbeEvidence) -> Cases:
     for fact in evidence.facts(PickledInfo):
         why = fact.value.unpicklable
         infos = "env.infos" if evidence.api == "aec" else "infos"
-        yield Case(
-            fact.where,
-            why is None,
-            "an info that can be pickled",
-            why,
-            proof=Reproducer(
-                f"for info in {infos}.values():\n    pickle.dumps(info)", imports=("pickle",)
-            ),
-        )
+        lines = f"for info in {infos}.values():\n    pickle.dumps(info)"
+        proof = Reproducer(lines, imports=("pickle",))
+        yield Case(fact.where, why is None, "an info that can be pickled", why, proof)
 
 
 def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
@@ -145,10 +137,7 @@ def fault_of(declared: InfoField, value: Any) -> str | None:
 
 
 def _info_declared_proof(api: str, agent: str, name: str, declared: InfoField) -> str:
-    info = "env.last()[-1]"
-    if api == "parallel":
-        info = f"next(infos[a] for a in infos if str(a) == {agent!r})"
-    lines = [f"value = {info}[{name!r}]"]
+    lines = [f"value = {_info_of(api, agent)}[{name!r}]"]
     if declared.shape is not None:
         lines.append(f"assert np.shape(value) == {tuple(declared.shape)!r}, value")
     if declared.dtype == "str":

@@ -12,7 +12,7 @@ from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.episode_facts import RaisedCall
-from gamekeeper.checks.literal import literal
+from gamekeeper.checks.literal import step_literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
 from gamekeeper.checks.spaces.action_masks import (
     fits,
@@ -95,8 +95,6 @@ def illegal_proof(api: str, turn: int | None, value: TriedAction, then: str) -> 
         value: what was tried.
         then: lines that raise; `out` is what the step gave, `error` what it raised.
     """
-    actions = value.action
-    handed = literal(dict(actions) if api == "parallel" else next(iter(actions.values()), None))
     return Reproducer(
         "env = make()\n"
         "env.reset(seed=SEED)\n"
@@ -104,7 +102,7 @@ def illegal_proof(api: str, turn: int | None, value: TriedAction, then: str) -> 
         "    env.step(actions)\n"
         "out = error = None\n"
         "try:\n"
-        f"    out = env.step({handed})\n"
+        f"    out = env.step({step_literal(api, value.action)})\n"
         "except Exception as raised:\n"
         "    error = raised\n"
         f"{then}",
@@ -153,16 +151,10 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
     for fact in evidence.facts(TriedAction):
         if not fact.value.is_legal:
             continue
-        raised = fact.value.raised
-        yield Case(
-            fact.where,
-            raised is None,
-            "a step that takes an action of the space",
-            raised,
-            proof=illegal_proof(
-                evidence.api, fact.where.turn, fact.value, "assert error is None, error"
-            ),
-        )
+        raised, then = fact.value.raised, "assert error is None, error"
+        proof = illegal_proof(evidence.api, fact.where.turn, fact.value, then)
+        expected = "a step that takes an action of the space"
+        yield Case(fact.where, raised is None, expected, raised, proof)
     turns = list(legal_turns(contract, evidence))
     may_blame_masks = _may_blame_masks(turns)
     for taken in turns:
@@ -232,16 +224,9 @@ def masked_actions_bring_what_is_declared(contract: Contract, evidence: ProbeEvi
         value = fact.value
         if value.case != "masked" or declared is None:
             continue
-        agent = str(fact.where.agent)
-        yield Case(
-            fact.where,
-            _is_as(declared, value),
-            EXPECTED[declared],
-            _seen(value),
-            proof=illegal_proof(
-                evidence.api, fact.where.turn, value, _then(evidence.api, declared, agent)
-            ),
-        )
+        is_ok, then = _is_as(declared, value), _then(evidence.api, declared, str(fact.where.agent))
+        proof = illegal_proof(evidence.api, fact.where.turn, value, then)
+        yield Case(fact.where, is_ok, EXPECTED[declared], _seen(value), proof)
 
 
 EXPECTED = {

@@ -108,13 +108,10 @@ def observations_are_of_their_own_agent(contract: Contract, evidence: ProbeEvide
         for agent in sorted(naming):
             whose = _whose(agent, owners, given)
             if whose is not None:
-                yield Case(
-                    episode.at(1, agent, "observations"),
-                    whose == agent,
-                    "its own number, as at the reset",
-                    f"number {place} of the observations that steps give is {whose!r}'s",
-                    reproducer_of(assert_keeps_its_number, agent=agent, place=place),
-                )
+                where = episode.at(1, agent, "observations")
+                seen = f"number {place} of the observations that steps give is {whose!r}'s"
+                proof = reproducer_of(assert_keeps_its_number, agent=agent, place=place)
+                yield Case(where, whose == agent, "its own number, as at the reset", seen, proof)
         return
 
 
@@ -224,16 +221,14 @@ def observations_show_their_step(contract: Contract, evidence: ProbeEvidence) ->
     for each in paid:
         agent, turn = str(each.change["agent"]), int(each.change["turn"])
         choice = by_turn(each.episode, turn)[turn].actions.get(agent, each.change["action"])
-        yield Case(
-            each.base.at(turn + 1, agent, "observations"),
-            not is_old,
-            "observations after the step",
+        where = each.base.at(turn + 1, agent, "observations")
+        told: dict[str, Any] = {"turn": turn, "agent": agent, "choice": choice}
+        seen = (
             f"what it does at turn {turn} moves a reward at once, and observations only one step "
-            "later; the first step gives what the reset gave",
-            reproducer_of(
-                assert_shows_the_step, compares=True, turn=turn, agent=agent, choice=choice
-            ),
+            "later; the first step gives what the reset gave"
         )
+        proof = reproducer_of(assert_shows_the_step, compares=True, **told)
+        yield Case(where, not is_old, "observations after the step", seen, proof)
 
 
 def _moved(trial: ProbeCounterfactual) -> tuple[bool, bool, bool]:
@@ -329,18 +324,9 @@ def observations_show_their_own_agent(contract: Contract, evidence: ProbeEvidenc
     place, owners = next(iter(shown.items()))
     for agent, other in owners.items():
         trial = done.places[place].trials[agent, other]
-        proof = reproducer_of(
-            assert_shows_its_own,
-            compares=True,
-            turn=trial.turn,
-            agents=[agent, other],
-            choice=trial.choice,
-            place=place,
-        )
-        yield Case(
-            replace(trial.where, field="observations"),
-            not is_swapped,
-            "a number of its own observation moves, as its reward or its ending does",
-            f"another action of {agent!r} moves number {place} of what {other!r} observes alone",
-            proof if is_swapped else None,
-        )
+        told: dict[str, Any] = {"turn": trial.turn, "choice": trial.choice, "place": place}
+        proof = reproducer_of(assert_shows_its_own, compares=True, agents=[agent, other], **told)
+        where, proven = replace(trial.where, field="observations"), proof if is_swapped else None
+        expected = "a number of its own observation moves, as its reward or its ending does"
+        seen = f"another action of {agent!r} moves number {place} of what {other!r} observes alone"
+        yield Case(where, not is_swapped, expected, seen, proven)

@@ -136,11 +136,6 @@ def _has_odd_length(actions: Any, value: Any) -> bool:
     return bool(mask.shape != (int(actions.n),))
 
 
-def is_of_mask(kind: str, path: str) -> bool:
-    """Tells whether a misfit is only the dtype of an action mask."""
-    return kind == DTYPE and path.endswith(MASK_PATH)
-
-
 def misfit_proof(api: str, agent: str, found: Misfit) -> str:
     """Lines that raise as long as what the agent is given misses its space."""
     if api == "parallel":
@@ -268,27 +263,19 @@ def others_can_be_observed(contract: Contract, evidence: ProbeEvidence) -> Cases
     told = _in_turn(evidence) if any(fact.value.misfits for fact in facts) else frozenset()
     for fact in facts:
         value, agent = fact.value, str(fact.where.agent)
-        wrong: list[Any] = [
-            each
-            for each in value.misfits
-            if not is_of_mask(each[0], each[1]) and (each[0], each[1]) not in told
-        ]
+        wrong = [each for each in value.misfits if (each[0], each[1]) not in told]
+        # the dtype of an action mask is told by its own check
+        wrong = [each for each in wrong if each[0] != DTYPE or not each[1].endswith(MASK_PATH)]
         ok = value.failed is None and not wrong
         expected, seen, test = "an observation of its space", value.failed, "True"
         if wrong:
             _, path, what, seen, test = wrong[0]
             expected = f"{what} at observation{path}" if path else what
-        yield Case(
-            fact.where,
-            ok,
-            expected,
-            seen,
-            proof=(
-                f"agent = next(a for a in env.agents if str(a) == {agent!r})\n"
-                "value, space = env.observe(agent), env.observation_space(agent)\n"
-                f"assert {test}, value"
-            ),
-        )
+        proof = f"""\
+agent = next(a for a in env.agents if str(a) == {agent!r})
+value, space = env.observe(agent), env.observation_space(agent)
+assert {test}, value"""
+        yield Case(fact.where, ok, expected, seen, proof)
 
 
 def _in_turn(evidence: ProbeEvidence) -> frozenset[tuple[str, str]]:

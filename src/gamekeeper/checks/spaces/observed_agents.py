@@ -120,13 +120,10 @@ def observe_is_of_its_agent(contract: Contract, evidence: ProbeEvidence) -> Case
         each, (first, between, last), place = broken
         agent, mover = each.agents[last], each.agents[between]
         turns = [each.turns[k] for k in (first, between, last)]
-        yield Case(
-            each.episode.at(turns[-1], agent, "observe"),
-            False,
-            f"at turn {turns[1]} its own observation, as at turns {turns[0]} and {turns[2]}",
-            f"observe({agent!r}) gives number {place} of {mover!r}, which is in turn",
-            reproducer_of(assert_observes_its_own, turns=turns, agent=agent, place=int(place)),
-        )
+        expected = f"at turn {turns[1]} its own observation, as at turns {turns[0]} and {turns[2]}"
+        seen = f"observe({agent!r}) gives number {place} of {mover!r}, which is in turn"
+        proof = reproducer_of(assert_observes_its_own, turns=turns, agent=agent, place=int(place))
+        yield Case(each.episode.at(turns[-1], agent, "observe"), False, expected, seen, proof)
 
 
 def _common(evidence: ProbeEvidence) -> Any:

@@ -1,7 +1,7 @@
 """Checks of the agent in turn: it is live, and an agent that ended gets its last turn."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
@@ -68,6 +68,11 @@ def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
                     yield each, agent, agent in each.ended | ended_in(turn)
 
 
+SELECTED: Final = (
+    "assert not env.agents or env.agent_selection in env.agents, (env.agent_selection, env.agents)"
+)
+
+
 @check("GK301", HIGH, "rollout", api="aec", looks_at="a turn with agents left in `agents`")
 def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
@@ -89,16 +94,10 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Cases:
     of a dead agent
     """
     for fact in evidence.facts(SelectedAgents):
-        at = fact.where
         for turn, (name, is_in) in enumerate(fact.value.turns):
-            yield Case(
-                type(at)(at.probe, at.play, turn, None, "agent_selection"),
-                is_in,
-                "an agent of `agents`",
-                f"{name!r}, who isn't in `agents`",
-                proof="assert not env.agents or env.agent_selection in env.agents, "
-                "(env.agent_selection, env.agents)",
-            )
+            where = replace(fact.where, turn=turn)
+            seen = f"{name!r}, who isn't in `agents`"
+            yield Case(where, is_in, "an agent of `agents`", seen, SELECTED)
 
 
 @check("GK302", HIGH, "rollout", api="aec", looks_at="an agent that ends")
@@ -125,13 +124,11 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> C
     """
     for each, agent, has_ended in departures(evidence):
         if has_ended and not may_leave(contract, agent):  # of one without flags GK501 tells
-            yield Case(
-                each.episode.at(each.turn + 1, agent, "agents"),
-                agent == each.actor and each.is_dead,
-                "removed by its own None step",
-                f"removed by the step of {each.actor!r}, so its end can't be read",
-                proof=reproducer_of(dead_turns_are_taken),
-            )
+            where = each.episode.at(each.turn + 1, agent, "agents")
+            is_ok = agent == each.actor and each.is_dead
+            seen = f"removed by the step of {each.actor!r}, so its end can't be read"
+            proof = reproducer_of(dead_turns_are_taken)
+            yield Case(where, is_ok, "removed by its own None step", seen, proof)
 
 
 @check("GK303", HIGH, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
@@ -209,13 +206,10 @@ def _waits(play: list[AecStep]) -> Cases:
             most = max(LEAST_TURNS, ROUNDS * len(each.before))
             if each.turn - turn >= most and agent != each.actor and agent not in told:
                 told.add(agent)
-                yield Case(
-                    each.episode.at(each.turn, agent, "agent_selection"),
-                    False,
-                    "selected for its None turn",
-                    f"ended {each.turn - turn} turns ago, waiting",
-                    proof=reproducer_of(dead_agents_wait, agent=agent, most=most),
-                )
+                where = each.episode.at(each.turn, agent, "agent_selection")
+                seen = f"ended {each.turn - turn} turns ago, waiting"
+                proof = reproducer_of(dead_agents_wait, agent=agent, most=most)
+                yield Case(where, False, "selected for its None turn", seen, proof)
 
 
 @check("GK305", MEDIUM, "lifecycle", api="aec")

@@ -111,14 +111,8 @@ def _declared_order_applies(contract: Contract) -> str:
     return f"order {contract.schedule.order!r}{told}"
 
 
-def _stage_of(contract: Contract, agent: str) -> int:
-    role = contract.role_of(agent)
-    stages = contract.schedule.stages or ()
-    return next((place for place, roles in enumerate(stages) if role in roles), 0)
-
-
 def _out_of_stage(contract: Contract, movers: list[str]) -> str | None:
-    places = [_stage_of(contract, agent) for agent in movers]
+    places = [_stage(contract, agent) or 0 for agent in movers]
     return None if places == sorted(places) else f"in one round: {movers}"
 
 
@@ -127,9 +121,9 @@ def _out_of_order(contract: Contract, before: _Tick, tick: _Tick) -> str | None:
     order = contract.schedule.order
     both = set(before.movers) & set(tick.movers)
     same = set(before.movers) == set(tick.movers)
-    for stage in sorted({_stage_of(contract, agent) for agent in both}):
+    for stage in sorted({_stage(contract, agent) or 0 for agent in both}):
         then, now = (
-            [a for a in each.movers if a in both and _stage_of(contract, a) == stage]
+            [a for a in each.movers if a in both and (_stage(contract, a) or 0) == stage]
             for each in (before, tick)
         )
         turned = [then[n:] + then[:n] for n in range(len(then))]
@@ -171,15 +165,14 @@ def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -
     """
     for counterfactual in evidence.counterfactuals("influence"):
         start, agent = int(counterfactual.change["turn"]), str(counterfactual.change["agent"])
+        action = counterfactual.change["action"]
         for (turn, other), is_seen in later_looks(counterfactual):
             if _stage(contract, agent) == _stage(contract, other):
-                yield Case(
-                    counterfactual.base.at(turn, other, "observations"),
-                    not is_seen,
-                    f"the same observation whatever {agent!r} did at turn {start} of this tick",
-                    f"another one where {agent!r} does {literal(counterfactual.change['action'])}",
-                    proof=_proof(start, turn, counterfactual.change["action"]),
-                )
+                where = counterfactual.base.at(turn, other, "observations")
+                expected = f"the same observation whatever {agent!r} did at turn {start} of"
+                seen = f"another one where {agent!r} does {literal(action)}"
+                proof = _proof(start, turn, action)
+                yield Case(where, not is_seen, f"{expected} this tick", seen, proof)
 
 
 def _stage(contract: Contract, agent: str) -> int | None:

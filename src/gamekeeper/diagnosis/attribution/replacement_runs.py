@@ -224,7 +224,7 @@ class ReplacementRunner(OpenSetup):
             raise EnvError(
                 "an episode broke off",
                 where=f"seed {play.seed}, turn {failed.turn}, {failed.call}",
-                actual=f"{failed.kind}: {failed.text}",
+                actual=failed.said,
                 fix="replay the episode with this seed; the environment raised there",
             )
         return track

@@ -314,11 +314,7 @@ def _otherwise(documents: Documents) -> Answer | None:
 
 
 def _restored(named: Mapping[str, Document], first: str | None) -> str:
-    """The share of successes with and without an intervention that restores it.
-
-    Args:
-        first: the intervention that is preferred.
-    """
+    """The share of successes with and without an intervention that restores it."""
     for each in named.values():
         for tested in sorted(each["tested"], key=lambda test: test["intervention"] != first):
             if tested.get("restores") and tested.get("measure", "success") == "success":

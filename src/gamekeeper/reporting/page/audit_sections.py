@@ -43,11 +43,7 @@ BAD: Final = ("failed", "error")
 
 
 def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection | None:
-    """The verdict of every check; None without an audit.
-
-    Args:
-        audit: the document of `gamekeeper audit --json`.
-    """
+    """The verdict of every check; None without an audit."""
     if audit is None:
         return None
     judged = [_judged(each) for each in audit["verdicts"] if isinstance(each, Mapping)]
@@ -71,11 +67,7 @@ def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection | None:
 
 
 def failed_words(failed: Sequence[Mapping[str, Any]]) -> str:
-    """Number of failed checks, causes and those that follow from them apart.
-
-    Args:
-        failed: verdicts of an audit that failed.
-    """
+    """Number of failed checks, causes and those that follow from them apart."""
     follow = sum(bool(each.get("follows_from")) for each in failed)
     causes = len(failed) - follow
     if not follow:

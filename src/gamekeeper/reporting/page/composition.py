@@ -244,11 +244,7 @@ class Pair:
 
 
 def pairs_of(one: ShownRun, two: ShownRun, *, text: str, most: int) -> list[Pair]:
-    """Episodes of two runs with the same number and seed, failing ones first.
-
-    Args:
-        text: description of the second run.
-    """
+    """Episodes of two runs with the same number and seed, failing ones first."""
     others = {header["episode"]: header for header in two.figures.headers}
     alike = [
         (not one.failed[place], place, header)

@@ -298,12 +298,7 @@ def _untested(document: Document) -> PageTable:
 def causes_section(
     diagnosis: Document | None, attribution: Document | None, *, key: str
 ) -> PageSection | None:
-    """Causes of failure and contributions of agents; None where neither was looked for.
-
-    Args:
-        diagnosis: the document of `gamekeeper diagnose`.
-        attribution: that of `gamekeeper attribute`.
-    """
+    """Causes of failure and contributions of agents; None where neither was looked for."""
     blocks = [] if diagnosis is None else diagnosis_blocks(diagnosis, key=key)
     blocks += [] if attribution is None else attribution_blocks(attribution)
     if not blocks:

@@ -29,11 +29,7 @@ MOST_CELLS: Final = 400
 
 
 def evaluation_section(document: Document | None) -> PageSection | None:
-    """All results of an evaluation; None without one.
-
-    Args:
-        document: `evaluation.json` of `gamekeeper evaluate`.
-    """
+    """All results of an evaluation; None without one."""
     if document is None:
         return None
     results = [each for each in document.get("results") or () if isinstance(each, Mapping)]

@@ -65,11 +65,7 @@ class LearningPhase:
 
 
 def learning_section(runs: Sequence[tuple[str, Figures]], rng: Generator) -> PageSection | None:
-    """Returns by version, agent by agent; None of one version. Runs follow one another.
-
-    Args:
-        runs: letters and figures of runs of one environment.
-    """
+    """Returns by version, agent by agent; None of one version. Runs follow one another."""
     phases = phases_of(runs)
     if len(phases) < 2:
         return None

@@ -105,11 +105,7 @@ class Verdicts:
 
 @dataclass(frozen=True, slots=True)
 class PageSection:
-    """A section of the page.
-
-    Attributes:
-        blocks: its parts; empty ones aren't shown.
-    """
+    """A section of the page."""
 
     id: str
     title: str
@@ -270,15 +266,8 @@ def binned_line(
     title: str,
     x: Sequence[int],
     series: Mapping[str, FloatArray],
-    *,
-    note: str = "",
 ) -> Chart:
-    """A line for each series; of many points, means of neighbours with their 5 to 95 % range.
-
-    Args:
-        x: [points].
-        series: by name, [points]; NaN where there is none.
-    """
+    """A line for each series; of many points, means of neighbours with their 5 to 95 % range."""
     size = -(-len(x) // MOST_POINTS) if len(x) else 1
     starts = range(0, len(x), size)
     lines = []
@@ -289,8 +278,7 @@ def binned_line(
             line["low"] = [finite(quantile_of(part, 0.05)) for part in parts]
             line["high"] = [finite(quantile_of(part, 0.95)) for part in parts]
         lines.append(line)
-    if size > 1:
-        note = f"Means of {size} episodes each, with their 5 to 95 % range. {note}".strip()
+    note = f"Means of {size} episodes each, with their 5 to 95 % range." if size > 1 else ""
     return {
         "id": id,
         "kind": "line",

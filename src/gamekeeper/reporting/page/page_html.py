@@ -74,11 +74,7 @@ PICTURES: Final = {
 
 
 def render(page: Page) -> str:
-    """The whole page in one text, which loads nothing from the network.
-
-    Args:
-        page: its contents. With `is_view` the script may ask the server of the page.
-    """
+    """The whole page in one text, which loads nothing from the network."""
     template = _environment().get_template("page.html.j2")
     look, code = style(), script()
     return template.render(

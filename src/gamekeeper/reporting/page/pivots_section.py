@@ -18,11 +18,7 @@ NOTE: Final = (
 
 
 def pivots_section(document: Document | None, *, key: str) -> PageSection | None:
-    """Turns that lost failed episodes; None where they weren't looked for, or none failed.
-
-    Args:
-        document: of `gamekeeper pivots`.
-    """
+    """Turns that lost failed episodes; None where they weren't looked for, or none failed."""
     episodes = (document or {}).get("episodes") or ()
     if not episodes:
         return None

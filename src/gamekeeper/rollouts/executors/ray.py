@@ -99,9 +99,6 @@ class RayExecutor(Executor):
         """Every node writes to the storage, and this process reads it there.
 
         A folder that isn't shared looks the same on every node, and each would fill its own.
-
-        Args:
-            place: what `Storage.at` opens.
         Raises:
             RunError: the storage refuses this process.
             GamekeeperError: a node doesn't reach it, means another place, or doesn't answer.

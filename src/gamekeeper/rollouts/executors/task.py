@@ -119,8 +119,6 @@ class Executor(ABC):
     def check_storage(self, place: str) -> None:
         """Checks that this process reads what any worker writes to the storage.
 
-        Args:
-            place: what `Storage.at` opens.
         Raises:
             GamekeeperError: a worker doesn't reach it, or means another place by it.
         """

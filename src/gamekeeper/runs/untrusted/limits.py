@@ -76,9 +76,6 @@ def check_fields(manifest: Mapping[str, Any], path: Path) -> None:
 
     A field may be missing: a run may be killed before it is known. An unknown one is passed over:
     a newer writer may add it.
-
-    Args:
-        path: of the manifest, for the error.
     Raises:
         RunError: a field is of another shape.
     """

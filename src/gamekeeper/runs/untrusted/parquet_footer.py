@@ -55,8 +55,6 @@ class Footer:
 def read_footer(file: BinaryIO, size: int) -> Footer:
     """The footer of a Parquet file.
 
-    Args:
-        file: a Parquet file, of which only the end is read.
     Raises:
         ValueError: the footer isn't one.
     """

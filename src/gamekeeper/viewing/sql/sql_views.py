@@ -36,11 +36,7 @@ SIZED: Final = re.compile(r"\[\d+\]$")
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Rows that one statement reads, with `run` as their first column.
-
-    Attributes:
-        columns: names and DuckDB's types.
-    """
+    """Rows that one statement reads, with `run` as their first column."""
 
     sql: str
     columns: Mapping[str, str]
