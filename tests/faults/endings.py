@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tests.faults import clean, faulty
-from tests.faults.rovers import Rovers
+from tests.faults.rovers import LongRovers, Rovers
 from tests.faults.tokens import Tokens
 from tests.faults.traders import Traders
 
@@ -80,6 +80,28 @@ class NotEmptied(Rovers):
         out = super().step(actions)
         if any(out[3].values()):
             self.agents = [a for a in out[3] if out[3][a]]
+        return out
+
+
+class FarRovers(LongRovers):
+    """Rovers that drive for longer than any rollout."""
+
+    def __init__(self, max_steps: int = 5000, render_mode: str | None = None) -> None:
+        super().__init__(2, max_steps, render_mode)
+
+
+@faulty("GK503")
+class FarRoster(FarRovers):
+    """`agents` isn't emptied at a limit that no rollout meets.
+
+    The last ones stay in the roster after 5,000 steps.
+    """
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Keeps those whom the limit ended."""
+        out = super().step(actions)
+        if any(out[3].values()):
+            self.agents = list(out[3])
         return out
 
 
@@ -169,6 +191,19 @@ class LimitTerminates(Rovers):
         out = super().step(actions)
         ended = {a: out[2][a] or out[3][a] for a in out[2]}
         return *out[:2], ended, dict.fromkeys(ended, False), out[4]
+
+
+@faulty("GK508")
+class FarLimitTerminates(FarRovers):
+    """A time limit that no rollout meets is told as a termination.
+
+    Whoever is left after 5,000 steps terminates.
+    """
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Tells the end as a termination."""
+        out = super().step(actions)
+        return *out[:2], out[3], dict.fromkeys(out[3], False), out[4]
 
 
 @faulty(

@@ -6,7 +6,7 @@ from typing import Any
 
 from tests.faults import faulty
 from tests.faults.rovers import MOVES, SIZE, Rovers
-from tests.faults.traders import Traders
+from tests.faults.traders import FarTraders, Traders
 
 
 @faulty("GK520")
@@ -123,3 +123,8 @@ class NoneIsNoBid(Traders):
     def _was_dead_step(self, action: Any) -> None:
         """Notes the bid of one that is out."""
         super()._was_dead_step(int(action))
+
+
+@faulty("GK527")
+class FarNone(NoneIsNoBid, FarTraders):
+    """The same at the end of an episode that no rollout plays to its end."""

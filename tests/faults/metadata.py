@@ -32,6 +32,22 @@ class ModesAsText(Rovers):
     metadata = {**Rovers.metadata, "render_modes": "rgb_array"}  # noqa: RUF012
 
 
+@faulty("GK822")
+class FormerSpelling(Rovers):
+    """The render modes stand under the key that Gym once had."""
+
+    metadata = {  # noqa: RUF012
+        "render.modes" if k == "render_modes" else k: v for k, v in Rovers.metadata.items()
+    }
+
+
+@faulty("GK822")
+class ModesUnsaid(Rovers):
+    """It takes a render mode and renders, and its metadata says nothing of modes."""
+
+    metadata = {k: v for k, v in Rovers.metadata.items() if k != "render_modes"}  # noqa: RUF012
+
+
 @faulty("GK823")
 class NoRate(Rovers):
     """Pictures are rendered at no rate."""
@@ -62,3 +78,12 @@ class TextForBool(Rovers):
     """It says in words that it can't be made parallel."""
 
     metadata = {**Rovers.metadata, "is_parallelizable": "no"}  # noqa: RUF012
+
+
+@faulty("GK825")
+class OtherSpelling(Rovers):
+    """It says under a British spelling that it can be made parallel."""
+
+    metadata = {  # noqa: RUF012
+        k.replace("izable", "isable"): v for k, v in Rovers.metadata.items()
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from tests.faults import clean, faulty
-from tests.faults.traders import Traders
+from tests.faults.traders import FarTraders, Traders
 
 
 @faulty("GK301")
@@ -69,6 +69,11 @@ class AskedTwice(Traders):
         self.asked.add(agent)
         self._cumulative_rewards[agent] = 0.0
         self._clear_rewards()
+
+
+@faulty("GK303")
+class FarTwice(AskedTwice, FarTraders):
+    """The same at the end of an episode that no rollout plays to its end."""
 
 
 @faulty("GK304", budget=2_000)

@@ -241,6 +241,19 @@ class NoneReseeds(Tokens):
         super().reset(self.seed, options)
 
 
+@faulty("GK609")
+class EntropyWithoutSeed(Rovers):
+    """A reset without a seed takes a generator of the system's entropy.
+
+    Each reset builds one, of None too.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """A generator of its own for each episode."""
+        self.rng = np.random.default_rng(seed)
+        return super().reset(None, options)
+
+
 @faulty("GK616")
 class OptionsStay(Rovers):
     """An option of one reset is the default of the next.
@@ -252,3 +265,11 @@ class OptionsStay(Rovers):
         """The length of an episode is an option."""
         self.horizon = (options or {}).get("horizon", self.horizon)
         return super().reset(seed, options)
+
+
+@faulty("GK616")
+class FarOptionStays(OptionsStay):
+    """The same of rovers with an option that only a far smaller value shows."""
+
+    def __init__(self, horizon: int = 5000, render_mode: str | None = None) -> None:
+        super().__init__(3, horizon, render_mode)

@@ -129,3 +129,19 @@ class Traders(AECEnv):
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+@clean()
+class FarTraders(Traders):
+    """Traders who are given money again and again, so that an episode is long.
+
+    A limit of thousands of cycles, which no rollout meets.
+    """
+
+    def __init__(self, max_cycles: int = 5000, render_mode: str | None = None) -> None:
+        super().__init__(2, max_cycles, render_mode)
+
+    def settle(self) -> None:
+        """Nobody goes bankrupt."""
+        self.money = dict.fromkeys(self.bids, 20)
+        super().settle()

@@ -149,7 +149,7 @@ def gather(
     parts = {name: probe.share / total + probe.on_top for name, probe in found.items()}
     left = sum(parts.values())
     if until_s is not None:
-        session.ration = min(session.ration, _steps_until(session, until_s))
+        session.ration = min(session.ration, int(_steps_until(session, until_s) / left))
     order = sorted(found, key=lambda name: (name != FIRST, name == LAST))
     for names in (order, gathering.cut):  # those that are cut look once more in what is left
         if names is not order:

@@ -1,10 +1,10 @@
 """Agents that have ended, rosters and ticks of an episode, turn by turn."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from gamekeeper.checks.facts.episode_facts import TurnRosters
+from gamekeeper.checks.facts.episode_facts import NearLimit, TurnRosters
 from gamekeeper.checks.facts.surface_facts import ReturnedForms
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
@@ -51,6 +51,15 @@ def plays_with_rosters(evidence: ProbeEvidence) -> Iterator[tuple[Episode, list[
         rosters = look.fact(TurnRosters)
         if look.episodes and rosters is not None:
             yield look.episodes[0], rosters.value.turns
+
+
+def plays_to_their_end(evidence: ProbeEvidence) -> Iterator[tuple[Episode, Mapping[str, int]]]:
+    """Each episode of the rollouts, and those of nearer limits, with what was built into these."""
+    yield from ((episode, {}) for episode in evidence["rollout"])
+    for look in evidence.looks.get("near_limit", ()):
+        near = look.fact(NearLimit)
+        if near is not None:
+            yield look.episodes[0], near.value.options
 
 
 def ticks_before(episode: Episode, api: str) -> Iterator[tuple[Turn, int]]:

@@ -11,6 +11,8 @@ from gamekeeper.rollouts.process_randomness import held
 
 MOST_OPTIONS: Final = 6
 TURNS: Final = 60
+SMALL: Final = 5
+"""A whole number in place of one that is twice as large, or larger."""
 _UNKNOWN: Final = object()
 
 
@@ -85,7 +87,10 @@ def _others(value: Any) -> list[Any]:
     if isinstance(value, bool):
         return [not value]
     if isinstance(value, int):
-        return [value + 1, value - 1, 2 * value + 1] if value > 1 else [value + 1, value + 2]
+        small = [SMALL] if value > 2 * SMALL else []  # a limit that this episode meets
+        return (
+            [value + 1, value - 1, 2 * value + 1, *small] if value > 1 else [value + 1, value + 2]
+        )
     if isinstance(value, float):
         return [2 * value + 0.5, value / 2]
     return []

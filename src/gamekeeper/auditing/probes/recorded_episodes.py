@@ -1,7 +1,7 @@
 """Probes of recorded plays: rollouts from several seeds, and a replay from evidence alone."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,8 +11,10 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable
 from gamekeeper.auditing.probes.state_calls import form_of, space_of
+from gamekeeper.auditing.probes.surface import TIME, far_limits
 from gamekeeper.checks.facts.episode_facts import (
     AgentNames,
+    NearLimit,
     RaisedCall,
     SelectedAgents,
     StateForms,
@@ -26,7 +28,7 @@ from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.env_source import possible_agents_of
 from gamekeeper.interface.recorded_env import capture_of
-from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.episode_loop import EpisodePlan, FailedCall
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.process_randomness import held
 from gamekeeper.rollouts.reruns import replayed_episode
@@ -52,27 +54,83 @@ def rollout(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Facts:
         `RaisedCall`, `SelectedAgents`, `TurnRosters`, `StateForms`.
     """
-    rosters: list[list[str]] = []
-    selected: list[tuple[str | None, bool]] = []
-
-    def watch(turn: int, env: Any, out: Any) -> None:
-        agents = env.agents
-        rosters.append([agent_name(agent) for agent in agents])
-        if session.api == "aec" and agents:
-            chosen = getattr(env, "agent_selection", None)
-            selected.append((None if chosen is None else agent_name(chosen), chosen in agents))
-
     env = session.env()
-    played = session.play(play, env, watch=watch)
+    watched = _Watched(session.api)
+    played = session.play(play, env, watch=watched.watch)
     yield played.episode
     yield from _states(session, space_of(session, env), played.episode)
-    yield session.fact(TurnRosters(rosters), field="agents")
+    yield session.fact(TurnRosters(watched.rosters), field="agents")
     if session.api == "aec":
-        yield session.fact(SelectedAgents(selected), field="agent_selection")
-    failed = played.failed
-    if failed is not None:
-        raised = RaisedCall(failed.call, failed.kind, failed.text)
-        yield session.fact(raised, turn=failed.turn, field="raised")
+        yield session.fact(SelectedAgents(watched.selected), field="agent_selection")
+    if played.failed is not None:
+        yield session.fact(_raised(played.failed), turn=played.failed.turn, field="raised")
+
+
+@dataclass(slots=True)
+class _Watched:
+    """`agents` and (AEC) the selected one, at the start of each turn."""
+
+    api: str
+    rosters: list[list[str]] = field(default_factory=list)
+    selected: list[tuple[str | None, bool]] = field(default_factory=list)
+
+    def watch(self, turn: int, env: Any, out: Any) -> None:
+        """One turn's start."""
+        agents = env.agents
+        self.rosters.append([agent_name(agent) for agent in agents])
+        if self.api == "aec" and agents:
+            chosen = getattr(env, "agent_selection", None)
+            self.selected.append((None if chosen is None else agent_name(chosen), chosen in agents))
+
+
+def _raised(failed: FailedCall) -> RaisedCall:
+    return RaisedCall(failed.call, failed.kind, failed.text)
+
+
+NEAR: Final = (7, 11)
+"""Limits of the two plays with a near one."""
+MOST_NAMES: Final = 3
+
+
+@probe(
+    "near_limit",
+    share=0.0,
+    on_top=0.05,
+    fresh=True,
+    plays=lambda session: session.plays_of(
+        limit + 2 if session.api == "parallel" else (limit + 4) * max(len(session.agents), 2)
+        for limit in NEAR
+    ),
+)
+def near_limit(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """An episode of an instance that is built with a nearer limit than its own.
+
+    A limit of thousands of steps is met by no rollout, and what happens there by no check. Its
+    argument is one of the constructor that is called like a limit and is larger, or None; another
+    one is tried where an episode with it doesn't end.
+
+    The episode.
+
+    Facts:
+        `NearLimit`.
+    """
+    limit = NEAR[play.stream % len(NEAR)]
+    for name in far_limits(session.env(), session.kwargs, max(NEAR))[:MOST_NAMES]:
+        options = {name: limit}
+        made = session.call("make", session.make, **options)
+        watched = _Watched(session.api)
+        if made.failed is None:
+            played = session.play(play, made.value, watch=watched.watch)
+            if any(turn.ended for turn in played.episode.turns):
+                raised = None if played.failed is None else _raised(played.failed)
+                is_time = TIME.search(name) is not None
+                yield played.episode
+                yield session.fact(
+                    NearLimit(options, is_time, watched.rosters, watched.selected, raised),
+                    turn=None if played.failed is None else played.failed.turn,
+                    field="raised",
+                )
+                return
 
 
 def _states(session: ProbeSession, space: Space[Any] | None, episode: Episode) -> Iterator[Saw]:

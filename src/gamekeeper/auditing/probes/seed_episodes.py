@@ -16,6 +16,7 @@ from gamekeeper.checks.facts.seed_facts import (
     PlainSeed,
     SeededEpisodes,
     SpecialRefused,
+    UnseededAgain,
     UnseededEpisodes,
     UnseededOpenings,
 )
@@ -180,17 +181,22 @@ def unseeded(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     What plays came to, as digests.
 
     Facts:
-        `SeededEpisodes`, `UnseededEpisodes`, `UnseededOpenings`, `EpisodeElsewhere`.
+        `SeededEpisodes`, `UnseededEpisodes`, `UnseededOpenings`, `EpisodeElsewhere`,
+        `UnseededAgain`.
     """
     seeded = [_told(session.play(play, session.env(), hold=False))]
     _until_two(seeded, FEW, lambda: _told(_seeded(session, play, len(seeded))))
-    env = session.env()
-    session.play(
-        replace(play, actions=session.base.actions if session.base else None), env, hold=False
-    )
+    env, other = session.env(), session.env() if session.can_make else None
+    first = replace(play, actions=session.base.actions if session.base else None)
+    begun = [_told(session.play(first, env, hold=False))]
     unseeded: list[str] = []
     again = replace(play, seed=None)
     _until_two(unseeded, FEW, lambda: _told(session.play(again, env, hold=False)))
+    if other is not None:
+        begun.append(_told(session.play(first, other, hold=False)))
+        if len(set(begun)) == 1:
+            told = _told(session.play(again, other, hold=False))
+            yield session.fact(UnseededAgain(is_same=told == unseeded[0]))
     kinds = len(set(seeded)), len(set(unseeded))
     if kinds[0] > 1 and kinds[1] == 1:
         while len(seeded) < MANY:

@@ -48,6 +48,8 @@ TIME: Final = re.compile(
     re.IGNORECASE,
 )
 """Words for units of time, of which a limit is one."""
+TURNS: Final = re.compile(r"_?(round|turn|move|hand)s?", re.IGNORECASE)
+"""Words for units of a game, of which a rule may allow no more."""
 LIMITS: Final = range(5, 1_000_000)
 _NO_SETTINGS: Final = (type, ModuleType, FunctionType, MethodType, Space)
 
@@ -77,6 +79,24 @@ def _is_limit(name: object, value: object) -> bool:
         and NO_LIMIT.search(name) is None
         and (TIME.search(name) is not None or not LIMIT.sub("", name))
     )
+
+
+def far_limits(env: Any, given: Mapping[str, Any], least: int) -> list[str]:
+    """Arguments of an environment's constructors that are called like a limit, of time or turns.
+
+    Args:
+        env: its classes are looked at.
+        given: arguments that it was built with, in place of defaults.
+        least: a limit is larger, or None.
+    """
+    found: dict[str, None] = {}
+    for each in type(getattr(env, "unwrapped", env)).__mro__:
+        for name, default in {**_defaults(vars(each).get("__init__")), **given}.items():
+            value, rest = given.get(name, default), TURNS.sub("", name)
+            is_far = value is None or (type(value) is int and value > least)
+            if is_far and (_is_limit(name, least) or (rest != name and _is_limit(rest, least))):
+                found.setdefault(name)
+    return list(found)
 
 
 def _settings(value: Any) -> Mapping[Any, Any]:
@@ -292,6 +312,15 @@ def _books(env: Any) -> TurnBooks:
     )
 
 
+def _renders(env: Any) -> bool:
+    """Tells whether a constructor takes a render mode, and `render` calls or reads anything."""
+    kind = type(getattr(env, "unwrapped", env))
+    code = getattr(getattr(kind, "render", None), "__code__", None)
+    names = set(getattr(code, "co_names", ())) - {"NotImplementedError"}
+    takes = any("render_mode" in _defaults(vars(each).get("__init__")) for each in kind.__mro__)
+    return takes and bool(names)
+
+
 def _flagged(env: Any) -> list[str]:
     """Agents in `agents` that an AEC environment says have ended."""
     found: dict[str, None] = {}
@@ -328,7 +357,9 @@ def metadata(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     note("play")
     own = getattr(env, "render_mode", None)
     fields = dict(metadata) if isinstance(metadata, dict) else {}
-    yield session.fact(Metadata(type(metadata).__name__, fields, own), field="metadata")
+    yield session.fact(
+        Metadata(type(metadata).__name__, fields, own, _renders(env)), field="metadata"
+    )
     if own is not None and own != "human":
         session.call("render", env.render)
         note("render")

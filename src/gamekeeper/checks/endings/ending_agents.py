@@ -10,6 +10,7 @@ from gamekeeper.checks.ended_agents import (
     ended_in,
     is_twofold,
     may_leave,
+    plays_to_their_end,
     plays_with_rosters,
     tells_both_flags,
 )
@@ -188,7 +189,14 @@ ended = [a for a in env.agents if terminations.get(a) or truncations.get(a)]
 assert not ended, ended"""
 
 
-@check("GK503", HIGH, "rollout", api="parallel", looks_at="an agent that terminates or truncates")
+@check(
+    "GK503",
+    HIGH,
+    "rollout",
+    "near_limit",
+    api="parallel",
+    looks_at="an agent that terminates or truncates",
+)
 def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has terminated or truncated is out of `agents` when that step returns.
 
@@ -202,7 +210,7 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
     Fix: take agents that terminate or truncate out of `agents` before step returns; when the
     episode is over, `self.agents = []`
     """
-    for episode in evidence["rollout"]:
+    for episode, options in plays_to_their_end(evidence):
         for turn in episode.turns:
             ended = ended_in(turn)
             if not ended or not turn.index:
@@ -210,7 +218,8 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> 
             still = sorted(ended & turn.live)
             where = episode.at(turn, still[0] if still else None, "agents")
             seen = f"{', '.join(still)} ended, and stays"
-            yield Case(where, not still, "only those who go on", seen, ENDED_OUT_PROOF)
+            proof = Reproducer(ENDED_OUT_PROOF, options=options)
+            yield Case(where, not still, "only those who go on", seen, proof)
 
 
 BOOKS: Final = {"terminated": "terminations", "truncated": "truncations"}

@@ -1,13 +1,14 @@
 """Checks of steps and resets out of their order, of closing, and of the agent loop."""
 
 import re
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
 from gamekeeper.checks.facts.action_facts import EndedActions
-from gamekeeper.checks.facts.episode_facts import RaisedCall, SelectedAgents
+from gamekeeper.checks.facts.episode_facts import NearLimit, RaisedCall, SelectedAgents
 from gamekeeper.checks.facts.lifecycle_facts import (
     Closings,
     DeadAction,
@@ -17,7 +18,7 @@ from gamekeeper.checks.facts.lifecycle_facts import (
     StepAfterEnd,
     StepBeforeReset,
 )
-from gamekeeper.checks.probe_evidence import ProbeEvidence, ProbeRun
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence, ProbeRun
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import closes
 from gamekeeper.contract import Contract
@@ -223,6 +224,7 @@ SHOWN: Final = {"last": "env.last()", "step": "# nothing more: the None step abo
     "GK527",
     HIGH,
     "rollout",
+    "near_limit",
     api="aec",
     looks_at="an agent that ends, in an episode played to its last None turn",
 )
@@ -247,14 +249,30 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """
     for look in evidence.looks.get("rollout", ()):
         raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)
-        selected = [] if named is None else named.value.turns
-        if raised is None:
-            yield Case(_episode(look).at(None, None, "raised"), True)
-        elif selected and selected[-1][1] and _is_of_the_loop(look, raised.value):
-            agent = selected[-1][0]
-            where = _episode(look).at(raised.where.turn, agent, "raised")
-            seen = f"{raised.value.kind}: {raised.value.text}"
-            yield Case(where, False, EXPECTED, seen, SHOWN[raised.value.call])
+        yield from _loops(look, raised, named.value.turns if named else [], {})
+    for look in evidence.looks.get("near_limit", ()):
+        near = look.fact(NearLimit)
+        if near is not None:
+            call = near.value.raised
+            raised = None if call is None else Fact(near.where, call)
+            yield from _loops(look, raised, near.value.selected, near.value.options)
+
+
+def _loops(
+    look: ProbeRun,
+    raised: Fact[RaisedCall] | None,
+    selected: Sequence[tuple[str | None, bool]],
+    options: Mapping[str, int],
+) -> Cases:
+    """One episode's loop: it came to its end, or something raised."""
+    if raised is None:
+        yield Case(_episode(look).at(None, None, "raised"), True)
+    elif selected and selected[-1][1] and _is_of_the_loop(look, raised.value):
+        agent = selected[-1][0]
+        where = _episode(look).at(raised.where.turn, agent, "raised")
+        seen = f"{raised.value.kind}: {raised.value.text}"
+        proof = Reproducer(SHOWN[raised.value.call], options=options)
+        yield Case(where, False, EXPECTED, seen, proof)
 
 
 def _episode(look: ProbeRun) -> Episode:

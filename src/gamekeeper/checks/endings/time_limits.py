@@ -7,6 +7,7 @@ from typing import Any
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.ended_agents import tells_both_flags, ticks_before
+from gamekeeper.checks.facts.episode_facts import NearLimit
 from gamekeeper.checks.facts.surface_facts import TimeLimits
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -151,6 +152,7 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     LOW,
     "surface",
     "rollout",
+    "near_limit",
     confidence=0.6,
     applies=_declared,
     looks_at="an episode that reaches an attribute, constant or parameter called like a limit, "
@@ -196,6 +198,21 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
         or _stands_out(evidence.api, episodes, limits.values())
     )
     yield from (each for each in found if each.ok or is_sure)
+    yield from _at_near_limits(evidence)
+
+
+def _at_near_limits(evidence: ProbeEvidence) -> Cases:
+    """Ends of instances that were built with nearer limits, if each ends in the tick of its own."""
+    found: list[Case | None] = []
+    for look in evidence.looks.get("near_limit", ()):
+        near = look.fact(NearLimit)
+        if near is not None and near.value.is_time:
+            limits, options = near.value.options, near.value.options
+            case = next(_at_the_limit(evidence.api, look.episodes[0], limits, options), None)
+            found.append(case)
+    cases = [each for each in found if each is not None]
+    if len(cases) == len(found) and (len(cases) >= PLAYS or any(each.ok for each in cases)):
+        yield from cases
 
 
 def _stands_out(api: str, episodes: Sequence[Episode], limits: Collection[int]) -> bool:
@@ -228,7 +245,9 @@ def _lasts_longer(api: str, episode: Episode, limit: int) -> bool:
     )
 
 
-def _at_the_limit(api: str, episode: Episode, limits: Mapping[str, int]) -> Cases:
+def _at_the_limit(
+    api: str, episode: Episode, limits: Mapping[str, int], options: Mapping[str, int] | None = None
+) -> Cases:
     """The turn, if there is one, at which a limit is met and somebody ends."""
     for turn, tick in ticks_before(episode, api):
         names = [name for name, value in limits.items() if value == tick]
@@ -237,7 +256,8 @@ def _at_the_limit(api: str, episode: Episode, limits: Mapping[str, int]) -> Case
             is_ok = any(turn.truncated.values())
             expected = f"truncated after {tick} ticks, as {names[0]} = {tick}"
             seen = f"terminated: {', '.join(sorted(turn.ended))}"
-            yield Case(where, is_ok, expected, seen, reproducer_of(no_termination_alone, api=api))
+            proof = reproducer_of(no_termination_alone, api=api, options=options)
+            yield Case(where, is_ok, expected, seen, proof)
             return
 
 

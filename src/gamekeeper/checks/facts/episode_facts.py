@@ -48,6 +48,25 @@ class RaisedCall:
 
 
 @dataclass(frozen=True, slots=True)
+class NearLimit:
+    """An episode of an instance that was built with a nearer limit than its own.
+
+    Attributes:
+        options: the limit, by the name of its argument.
+        is_time: its name speaks of time, not of turns of a game.
+        rosters: as in `TurnRosters`.
+        selected: as in `SelectedAgents`.
+        raised: what ended the episode, if anything did.
+    """
+
+    options: dict[str, int]
+    is_time: bool
+    rosters: list[list[str]]
+    selected: list[tuple[str | None, bool]]
+    raised: RaisedCall | None
+
+
+@dataclass(frozen=True, slots=True)
 class StateForms:
     """The first answer of each form that `state()` gave in a rollout."""
 

@@ -33,6 +33,13 @@ class UnseededEpisodes:
 
 
 @dataclass(frozen=True, slots=True)
+class UnseededAgain:
+    """The first episode after a reset without a seed, in two instances that were seeded alike."""
+
+    is_same: bool
+
+
+@dataclass(frozen=True, slots=True)
 class UnseededOpenings:
     """Results of resets without a seed and without a step between.
 

@@ -113,11 +113,13 @@ class Metadata:
 
     Attributes:
         own: the render mode in use.
+        renders: its constructor takes a render mode, and its `render` does something.
     """
 
     kind: str
     fields: dict[str, Any]
     own: str | None
+    renders: bool
 
 
 @dataclass(frozen=True, slots=True)

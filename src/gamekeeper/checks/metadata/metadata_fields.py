@@ -1,6 +1,8 @@
 """Checks of `metadata`."""
 
+import difflib
 import math
+import re
 from dataclasses import replace
 from typing import Any, Final
 
@@ -44,12 +46,13 @@ def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) 
     "GK822",
     LOW,
     "metadata",
-    looks_at='the entry "render_modes" of the metadata, or a render mode of the environment',
+    looks_at='an entry "render_modes" of the metadata, or a render mode of the environment',
 )
 def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """metadata["render_modes"] is a list of texts, and has the mode that is in use.
 
-    Tools choose a mode from it. Having none to choose from is no fault as long as nothing renders.
+    Tools choose a mode from it, and find none under any other spelling, such as Gym's former
+    "render.modes". Having none to choose from is no fault as long as nothing renders.
 
     Source: PettingZoo's `render_test`: "Environments that support rendering must define
     render_modes in metadata".
@@ -71,11 +74,31 @@ def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Case
         if "render_modes" in fields:
             proof = reproducer_of(metadata_lists_modes)
             yield Case(where, is_list, "a list of texts", modes, proof=proof)
+        elif (key := misspelt(fields, "render_modes")) is not None:
+            yield Case(where, False, "render_modes", key, proof=_has_entry("render_modes"))
+        elif fact.value.renders and fact.value.kind == "dict":
+            found = "no such entry, and a constructor that takes a render mode"
+            yield Case(where, False, "a list of texts", found, proof=_has_entry("render_modes"))
         if own is not None and is_list:
             where = replace(fact.where, field="render_mode")
             proof = reproducer_of(metadata_has_mode)
             seen = list(modes) if modes else "no render modes"
             yield Case(where, own in modes, f"{own!r} among them", seen, proof=proof)
+
+
+ALIKE: Final = 0.85
+"""Ratio of two keys' common letters from which one is taken for the other, misspelt."""
+
+
+def misspelt(fields: dict[str, Any], key: str) -> str | None:
+    """Key of the metadata that is almost `key`; None where there is none, or `key` itself."""
+    plain = {re.sub(r"[^a-z]", "", str(each).lower()): str(each) for each in fields}
+    near = difflib.get_close_matches(key.replace("_", ""), plain, n=1, cutoff=ALIKE)
+    return plain[near[0]] if near and key not in fields else None
+
+
+def _has_entry(key: str) -> Reproducer:
+    return Reproducer(f"fields = make().metadata\nassert {key!r} in fields, fields", plays=False)
 
 
 PICTURES: Final = ("rgb_array", "rgb_array_list")
@@ -158,11 +181,12 @@ PARALLELIZABLE_PROOF: Final = (
 )
 
 
-@check("GK825", LOW, "metadata", looks_at='the entry "is_parallelizable" of the metadata')
+@check("GK825", LOW, "metadata", looks_at='an entry "is_parallelizable" of the metadata')
 def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """metadata["is_parallelizable"], where it is there, is True or False.
 
-    A converter asks whether it is true: the text "False" is.
+    A converter asks whether it is true: the text "False" is, and what stands under another
+    spelling isn't.
 
     Bad:
         metadata = {"name": "farm_v0", "is_parallelizable": "False"}
@@ -173,8 +197,13 @@ def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Cas
     Fix: metadata = {"is_parallelizable": False, ...}
     """
     for fact in evidence.facts(Metadata):
-        if "is_parallelizable" in fact.value.fields:
-            says = fact.value.fields["is_parallelizable"]
+        fields = fact.value.fields
+        if "is_parallelizable" in fields:
+            says = fields["is_parallelizable"]
             where = replace(fact.where, field="metadata.is_parallelizable")
             proof = Reproducer(PARALLELIZABLE_PROOF, plays=False)
             yield Case(where, isinstance(says, bool), "True or False", says, proof=proof)
+        elif (key := misspelt(fields, "is_parallelizable")) is not None:
+            where = replace(fact.where, field="metadata.is_parallelizable")
+            proof = _has_entry("is_parallelizable")
+            yield Case(where, False, "is_parallelizable", key, proof=proof)

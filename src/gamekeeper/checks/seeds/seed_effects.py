@@ -15,6 +15,7 @@ from gamekeeper.checks.facts.seed_facts import (
     SeededEpisodes,
     SettledElsewhere,
     SpecialRefused,
+    UnseededAgain,
     UnseededEpisodes,
     UnseededOpenings,
 )
@@ -308,7 +309,9 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
     Training resets without a seed, and would see one and the same episode again and again. Judged
     only where seeds make a difference. Fisher's exact test on how often plays of 16 resets without
     a seed and of 16 seeds are the most frequent one, one-sided, once per audit: in fewer than one
-    of 1,000 environments that are right is this broken.
+    of 1,000 environments that are right is this broken. Of low severity is a reset without a seed
+    that begins with the system's entropy: seeding once, before a training, settles none of it then.
+    Seen where two instances that were seeded alike, and played alike, part at the next reset.
 
     Bad:
         def reset(self, seed=None, options=None):
@@ -326,6 +329,11 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
     """
     for look in evidence.looks.get("unseeded", ()):
         plays, others = look.fact(SeededEpisodes), look.fact(UnseededEpisodes)
+        on = look.fact(UnseededAgain)
+        if on is not None:
+            expected = "the same episode in two instances that were seeded and played alike"
+            proof = _entropy_proof(evidence.api)
+            yield Case(on.where, on.value.is_same, expected, "another", proof, severity=LOW)
         if plays is None or others is None:
             continue
         seeded, unseeded, at = plays.value.digests, others.value.digests, others.where
@@ -339,6 +347,19 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
                 yield Case(
                     at, False, expected, seen, _unseeded_proof(evidence.api), confidence=1.0 - p
                 )
+
+
+def _entropy_proof(api: str) -> Reproducer:
+    return program(
+        api,
+        "seen = []",
+        "for env in (make(), make()):",
+        "    env.reset(seed=SEED)",
+        "    seen.append(play(env))  # which begins with a reset without a seed",
+        "alike(*seen)",
+        reset="env.reset()",
+        unchanged=(),
+    )
 
 
 def p_all_alike(seeded: Sequence[str], count: int) -> float:

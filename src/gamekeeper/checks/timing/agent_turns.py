@@ -1,12 +1,12 @@
 """Checks of the agent in turn: it is live, and an agent that ended gets its last turn."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, may_leave
-from gamekeeper.checks.facts.episode_facts import SelectedAgents, TurnRosters
+from gamekeeper.checks.facts.episode_facts import NearLimit, SelectedAgents, TurnRosters
 from gamekeeper.checks.facts.lifecycle_facts import IteratedAgents
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -26,6 +26,7 @@ class AecStep:
         before: `agents` before the step.
         after: `agents` after it.
         ended: agents whose flags were up before it, and that haven't left.
+        options: a nearer limit, that the environment was built with.
     """
 
     episode: Episode
@@ -35,6 +36,7 @@ class AecStep:
     before: Sequence[str]
     after: Sequence[str]
     ended: frozenset[str]
+    options: Mapping[str, int] = field(default_factory=dict)
 
 
 def aec_steps(evidence: ProbeEvidence) -> Iterator[list[AecStep]]:
@@ -42,6 +44,15 @@ def aec_steps(evidence: ProbeEvidence) -> Iterator[list[AecStep]]:
     rosters = [fact.value.turns for fact in evidence.facts(TurnRosters)]
     for episode, agents in zip(evidence["rollout"], rosters, strict=False):
         yield list(_env_steps(episode, agents))
+
+
+def _steps_to_near_limits(evidence: ProbeEvidence) -> Iterator[list[AecStep]]:
+    """The steps of each episode of an instance that was built with a nearer limit."""
+    for look in evidence.looks.get("near_limit", ()):
+        near = look.fact(NearLimit)
+        if near is not None:
+            steps = _env_steps(look.episodes[0], near.value.rosters)
+            yield [replace(each, options=near.value.options) for each in steps]
 
 
 def _env_steps(episode: Episode, agents: Sequence[Sequence[str]]) -> Iterator[AecStep]:
@@ -131,7 +142,14 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> C
             yield Case(where, is_ok, "removed by its own None step", seen, proof)
 
 
-@check("GK303", HIGH, "rollout", api="aec", looks_at="a None turn of an agent that has ended")
+@check(
+    "GK303",
+    HIGH,
+    "rollout",
+    "near_limit",
+    api="aec",
+    looks_at="a None turn of an agent that has ended",
+)
 def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A dead agent has one None turn, which removes it: it isn't selected again.
 
@@ -149,12 +167,12 @@ def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Cases:
 
     Fix: remove a dead agent from `agents` in its None step, as `self._was_dead_step(action)` does
     """
-    for play in aec_steps(evidence):
+    for play in (*aec_steps(evidence), *_steps_to_near_limits(evidence)):
         for each in play:
             if each.is_dead:
                 where = each.episode.at(each.turn + 1, each.actor, "agents")
                 is_ok = each.actor not in each.after
-                proof = reproducer_of(dead_agent_is_removed)
+                proof = reproducer_of(dead_agent_is_removed, options=each.options)
                 yield Case(where, is_ok, "gone after its None step", "still in `agents`", proof)
 
 
