@@ -158,9 +158,30 @@ class OnlyLast(Traders):
         return observation, self.rewards[self.agent_selection], *rest
 
 
+class Coarse(Traders):
+    """Keeps its books in tenths, and pays in twentieths: -0.1 of -0.05 looks like twice as much."""
+
+    def settle(self) -> None:
+        """A small fee of everybody's."""
+        super().settle()
+        self.rewards = {agent: reward - 0.05 for agent, reward in self.rewards.items()}
+
+    def _accumulate_rewards(self) -> None:
+        super()._accumulate_rewards()
+        books = self._cumulative_rewards
+        self._cumulative_rewards = {agent: round(books[agent], 1) for agent in books}
+
+
 @pytest.mark.parametrize(
     ("game", "id"),
-    [(Late, "GK403"), (Twice, "GK404"), (Forgets, "GK403"), (Next, "GK403"), (OnlyLast, "GK403")],
+    [
+        (Late, "GK403"),
+        (Twice, "GK404"),
+        (Forgets, "GK403"),
+        (Next, "GK403"),
+        (OnlyLast, "GK403"),
+        (Coarse, "GK403"),
+    ],
 )
 def test_what_is_told_is_what_is_owed(game: Any, id: str) -> None:
     """Rewards that come late, twice, to nobody, or not through `last()` are found."""

@@ -103,6 +103,25 @@ class EachLookDraws(Traders):
         return super().observe(agent)
 
 
+# last() looks too, and what is drawn for it is drawn from what others draw from.
+@faulty("GK602", "GK634", also=("GK601", "GK635"))
+class EachLookDrawsGlobally(Traders):
+    """observe() draws its noise from a global generator, which reset seeds.
+
+    What is seen isn't quite exact.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Seeds the generator of all."""
+        np.random.seed(seed)
+        super().reset(seed, options)
+
+    def observe(self, agent: str) -> Any:
+        """The purses, not quite exactly."""
+        seen = super().observe(agent)
+        return np.clip(seen + np.random.normal(0, 0.1), 0.0, 1.0).astype(seen.dtype)
+
+
 # Who is asked twice in a turn tells a sum of rewards that isn't the sum.
 @faulty("GK635", also=("GK403",))
 class LastPaysOut(Traders):

@@ -47,6 +47,7 @@ def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -
         ("CellInInfos", "GK621", "GK615"),
         ("CopyLosesAView", "GK703", "GK701"),
         ("EachLookDraws", "GK635", "GK634"),
+        ("EachLookDrawsGlobally", "GK635", "GK634"),
         ("FlagsStayUp", "GK523", "GK604"),
         ("InfosOfOneTrader", "GK527", "GK109"),
         ("GeneratorOfTheClass", "GK702", "GK607"),

@@ -9,13 +9,14 @@ from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 from gamekeeper.rollouts.reruns import shrink
 from gamekeeper.runs.recording import joint_policy_of
+from tests.faults.hidden_draws import EachLookDraws
 from tests.faults.rovers import Rovers
 from tests.faults.traders import Traders
 
 
-@pytest.mark.parametrize("make", [Rovers, Traders])
+@pytest.mark.parametrize("make", [Rovers, Traders, EachLookDraws])
 def test_scripted_play_repeats_the_play(make: Any) -> None:
-    """What policies chose can be played again from script, to the same rows."""
+    """What policies chose can be played again from script, to the same rows: each looks once."""
     env = make()
     first = perform(EpisodePlan(seed=4), env, joint_policy=joint_policy_of("random", env, None))
     again = perform(first.play, make())

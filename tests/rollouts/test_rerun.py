@@ -12,7 +12,7 @@ from gamekeeper.episodes.arrow import TERM
 from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.interface.recorded_env import capture_of
-from gamekeeper.rollouts.episode_loop import EpisodePlan, EvidenceOptions, perform, play
+from gamekeeper.rollouts.episode_loop import EvidenceOptions, perform, play
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.reruns import play_of, replayed_episode
@@ -124,26 +124,6 @@ def test_rerun_without_a_change_is_the_unchanged_rerun(spec: str) -> None:
 
         assert compare(episode, open_loop.episode).divergence is None
         assert compare(episode, closed.episode).divergence is None
-
-
-def test_rerun_looks_as_often_as_the_episode_did() -> None:
-    """An environment that draws its noise in observe() comes to the same, up to the last turn."""
-
-    class Noisy(Turns):
-        looks = 0
-
-        def observe(self, agent: Any) -> Any:
-            self.looks += 1
-            return super().observe(agent)
-
-    envs = Noisy(), Noisy()
-    base = perform(
-        EpisodePlan(seed=2), envs[0], joint_policy=joint_policy_of("random", envs[0], None)
-    )
-    perform(base.play, envs[1])
-
-    assert None in [next(iter(actions.values())) for actions in base.play.actions or ()]
-    assert envs[0].looks == envs[1].looks
 
 
 def test_rerun_names_its_change() -> None:

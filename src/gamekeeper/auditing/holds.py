@@ -74,6 +74,20 @@ def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
+def global_states() -> tuple[Any, ...]:
+    """The states of the global generators: numpy's, Python's, and torch's where it is loaded."""
+    torch = sys.modules.get("torch")
+    return np.random.get_state(), random.getstate(), torch and torch.get_rng_state()
+
+
+def put_global_states(states: tuple[Any, ...]) -> None:
+    """Puts states back that `global_states` gave."""
+    np.random.set_state(states[0])
+    random.setstate(states[1])
+    if states[2] is not None:
+        sys.modules["torch"].set_rng_state(states[2])
+
+
 def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Keeps what each environment draws from the global generators apart from all other draws.
 
@@ -87,16 +101,7 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
             sys.modules["torch"].manual_seed(number)
 
     def keep(env: Any) -> None:
-        torch = sys.modules.get("torch")
-        states = np.random.get_state(), random.getstate(), torch and torch.get_rng_state()
-        env.__dict__["drawn_to"] = states
-
-    def go_on(env: Any) -> None:
-        ours, other, third = env.__dict__["drawn_to"]
-        np.random.set_state(ours)
-        random.setstate(other)
-        if third is not None:
-            sys.modules["torch"].set_rng_state(third)
+        env.__dict__["drawn_to"] = global_states()
 
     def built() -> Any:
         seed_all(764_309)
@@ -105,7 +110,7 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
         keep(env)
 
         def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
-            go_on(self)
+            put_global_states(self.__dict__["drawn_to"])
             seed = kwargs.get("seed")
             if seed is not None:
                 seed_all((764_309 + seed - globals().get("SEED", 0)) % 2**32)
@@ -114,7 +119,7 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
             return out
 
         def step(self: Any, action: Any) -> Any:
-            go_on(self)
+            put_global_states(self.__dict__["drawn_to"])
             out = cls.step(self, action)
             keep(self)
             return out
@@ -338,16 +343,20 @@ def state_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, lambda cls: {"state": lambda self: copy.deepcopy(cls.state(self))})
 
 
-def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Calls `state()` and `render()` of a copy; else puts the generators back after them."""
+def left_alone(call: Callable[..., Any]) -> Callable[..., Any]:
+    """Makes a call of a copy; else puts the environment's generators back after it.
 
-    def kept(call: Callable[..., Any]) -> Callable[..., Any]:
-        def reading(self: Any) -> Any:
+    The global ones are put back in either case.
+    """
+
+    def called(self: Any, *args: Any) -> Any:
+        shared = global_states()
+        try:
             with contextlib.suppress(Exception):  # of a window there is no copy
-                return call(copy.deepcopy(self))
+                return call(copy.deepcopy(self), *args)
             # where they stand is in copies of them, and a copy's draw leaves them alone
             before = [(each, copy.deepcopy(each)) for each in own_generators(self)]
-            value = call(self)
+            value = call(self, *args)
             for each, stood in before:
                 if isinstance(each, random.Random):
                     each.setstate(stood.getstate())
@@ -356,20 +365,22 @@ def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
                 else:
                     each.bit_generator.state = stood.bit_generator.state
             return value
+        finally:
+            put_global_states(shared)
 
-        return reading
+    return called
 
-    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
-        return {"state": kept(cls.state), "render": kept(cls.render)}
 
-    return with_methods(make, methods)
+def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Calls `state()` and `render()` so that they leave the game and all generators alone."""
+    return with_methods(
+        make, lambda cls: {"state": left_alone(cls.state), "render": left_alone(cls.render)}
+    )
 
 
 def observe_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Calls `observe()` of a copy, so that no call changes the game."""
-    return with_methods(
-        make, lambda cls: {"observe": lambda self, a: cls.observe(copy.deepcopy(self), a)}
-    )
+    """Calls `observe()` so that it leaves the game and all generators alone."""
+    return with_methods(make, lambda cls: {"observe": left_alone(cls.observe)})
 
 
 def rewards_held(make: Callable[[], Any]) -> Callable[[], Any]:

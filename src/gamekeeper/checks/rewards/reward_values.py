@@ -51,15 +51,18 @@ class ReportedReward:
         return sum(self.paid)
 
     @property
+    def numbers(self) -> tuple[float, float]:
+        """What it was told and was owed, whatever the order in which that was summed."""
+        return self.told, float(f"{self.owed:.9g}")
+
+    @property
     def is_right(self) -> bool:
         """It was told what it was owed, though the books may have been kept in float16."""
         return self._is(self.owed) or self.told == _in_halves(self.paid)
 
     @property
     def looks_like(self) -> tuple[Kind, ...]:
-        """Kinds of fault that it may be by itself; small numbers fit more than one by chance."""
-        if self.is_right:
-            return ("right",)
+        """Kinds of fault that it may be, if it isn't right; small numbers fit more by chance."""
         is_carried = self.carried and self._is(self.owed + self.carried)
         more = [n * self.owed for n in range(2, MOST_TIMES + 1)]
         more += [self.owed + each for each in self.paid if each and self.told]
@@ -82,15 +85,21 @@ def all_told(evidence: ProbeEvidence) -> Iterator[tuple[ReportedReward, Kind]]:
     """Every look at what an agent was told, where it was paid or told anything, and what it is.
 
     Too much that names its cause (*carried*, *again*) is it where at least half of all that is
-    wrong looks alike; else it is *lost*, as what was owed didn't come.
+    wrong looks alike; else it is *lost*, as what was owed didn't come. The same numbers count once,
+    for what they look like at each turn at which they come: of small ones much is told by chance.
     """
     looks = list(_all_told(evidence))
-    kinds = Counter(kind for told in looks for kind in told.looks_like)
-    wrong = len(looks) - kinds["right"]
+    alike: dict[tuple[float, float], tuple[Kind, ...]] = {}
+    for told in (each for each in looks if not each.is_right):
+        kinds = alike.setdefault(told.numbers, told.looks_like)
+        alike[told.numbers] = tuple(kind for kind in kinds if kind in told.looks_like)
+    counts = Counter(kind for kinds in alike.values() for kind in kinds)
     for told in looks:
-        likely = max(told.looks_like, key=kinds.__getitem__, default=None)
-        is_it = likely == "right" or 2 * kinds[likely or "lost"] >= wrong
-        yield told, likely if likely is not None and is_it else "lost"
+        likely: Kind = "right"
+        if not told.is_right:
+            likely = max(alike[told.numbers], key=counts.__getitem__, default="lost")
+            likely = likely if 2 * counts[likely] >= len(alike) else "lost"
+        yield told, likely
 
 
 def _all_told(evidence: ProbeEvidence) -> Iterator[ReportedReward]:
