@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from gymnasium import spaces
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
@@ -14,10 +15,12 @@ from gamekeeper.checks.facts.episode_facts import RaisedCall
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
 from gamekeeper.checks.spaces.action_masks import (
+    USUAL,
     fits,
     is_legal,
     mask_of,
     mask_parts,
+    mask_places,
     stands_elsewhere,
     without_masks,
 )
@@ -318,4 +321,37 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
         if taken.is_masked:
             where = taken.episode.at(taken.turn, taken.agent, "raised")
             expected = "a step that takes what the masks allow"
-            yield Case(where, taken.raised is None, expected, taken.raised, UNFINISHED)
+            proof = _as_masks_allow(contract, evidence, taken)
+            yield Case(where, taken.raised is None, expected, taken.raised, proof)
+
+
+def _as_masks_allow(
+    contract: Contract, evidence: ProbeEvidence, taken: LegalTurn
+) -> str | Reproducer:
+    """Lines that play on while the masks allow it: where no seed is read, another game forbids it.
+
+    Only a mask in its usual place with a number for each action is looked at.
+    """
+    agent, turn, known = taken.agent, taken.turn, spaces_of(evidence, "action")
+    if agent is None or not all(
+        isinstance(each, spaces.Discrete) and each.start == 0 for each in known.values()
+    ):
+        return UNFINISHED
+    for (place, read), told in zip(USUAL, ("env.last()[0]", "env.last()[-1]"), strict=True):
+        mask = read(turn.observations.get(agent), turn.infos.get(agent))
+        is_read = place in dict(mask_places(contract, agent))
+        if is_read and mask is not None and fits(known.get(agent), mask) is None:
+            return Reproducer(MASKED_PLAY.format(told=told) + UNFINISHED, plays=False)
+    return UNFINISHED
+
+
+MASKED_PLAY: Final = """\
+env = make()
+env.reset(seed=SEED)
+for action in ACTIONS:
+    told = {told}
+    mask = told.get("action_mask") if isinstance(told, dict) else None
+    if action is not None and np.any(mask) and not mask[action]:
+        break  # another game than the one that was seen
+    env.step(action)
+"""
