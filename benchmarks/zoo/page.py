@@ -235,9 +235,11 @@ def table(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
 
 
 def _linked(package: str) -> str:
-    """The package's name, with its page of findings if there is one of the like name."""
-    page = package.rpartition("/")[2].lower().replace("_", "-")
-    return f"[{package}](findings/{page}.md)" if (FINDINGS / f"{page}.md").exists() else package
+    """The package's name, with its page of findings if there is one of its own."""
+    owner, _, name = package.rpartition("/")
+    page = FINDINGS / f"{name.lower().replace('_', '-')}.md"
+    is_its_own = page.exists() and owner in page.read_text().partition("\n")[0]
+    return f"[{package}](findings/{page.name})" if is_its_own else package
 
 
 def _cells(

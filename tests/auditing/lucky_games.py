@@ -13,6 +13,8 @@ from gymnasium.spaces import Box, Discrete
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.wrappers.base_parallel import BaseParallelWrapper
 
+from tests.faults.tokens import CELLS, Tokens
+
 
 class Sound(ParallelEnv[str, Any, Any]):
     """Two agents see a number that their seed and the tick settle, for twenty ticks."""
@@ -299,3 +301,25 @@ def dimmed() -> BaseParallelWrapper[str, Any, Any]:
 def wrapped_tires() -> BaseParallelWrapper[str, Any, Any]:
     """Faulty rules in a sound wrapper."""
     return BaseParallelWrapper(Tires())
+
+
+class Jammed(Tokens):
+    """Half of the cells are blocked at each turn, by no seed; the twentieth step raises."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Another game each time."""
+        super().reset(None, options)
+        self.placed, self.open = 0, self.rng.permutation(CELLS) < CELLS // 2
+
+    def legal(self) -> Any:
+        """Cells that aren't blocked."""
+        return self.open.astype(np.int8)
+
+    def step(self, action: Any) -> None:
+        """Says that a blocked cell is taken; nobody wins."""
+        if not self.open[int(action)]:
+            raise ValueError(f"cell {action} is taken")
+        self.placed, self.open = self.placed + 1, self.rng.permutation(CELLS) < CELLS // 2
+        if self.placed == 20:
+            raise RuntimeError("jammed")
+        self.agent_selection = next(each for each in self.agents if each != self.agent_selection)

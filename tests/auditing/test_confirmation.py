@@ -62,6 +62,12 @@ def test_finding_is_confirmed_in_five_fresh_processes() -> None:
     assert verdict.reproduced == Reproduced(TRIES, TRIES, None)
 
 
+def test_step_that_masks_forbid_in_another_game_shows_no_wrong_mask() -> None:
+    """No seed is read, so that the masks of the game that is played again forbid what was done."""
+    verdict = audited("Jammed", "GK235").of("GK235")
+    assert (verdict.outcome, verdict.findings[0].actual) == ("suspected", "RuntimeError: jammed")
+
+
 def test_name_that_a_line_of_the_environment_lacks_is_shown() -> None:
     """A NameError in each step fails, where one of the program's own would show nothing."""
     verdict = audited("Nameless", "GK221").of("GK221")

@@ -284,7 +284,8 @@ def _allowed_proof(
     """Lines that step as long as the mask allows it, where it has a flag for each action."""
     turn, agent = taken.turn, taken.agent
     space = None if agent is None else known.get(agent)
-    if agent is None or not isinstance(space, Discrete):
+    are_plain = all(isinstance(each, Discrete) for each in known.values())
+    if agent is None or not isinstance(space, Discrete) or not are_plain:
         return UNFINISHED
     seen, info = turn.observations.get(agent), turn.infos.get(agent)
     places = (name for name, read in mask_places(contract, agent) if read(seen, info) is not None)
