@@ -91,9 +91,21 @@ def check(
                 expected="an id like GK402, and a docstring: first the promise, last `Fix: ...`",
                 fix="give the check an id of its own prefix and a docstring",
             )
-        told = run.__name__, claim.strip(), about.strip()
-        sure = severity, confidence, " ".join(fix.split())
-        return Check(id, *told, needs, *sure, api, applies, run, looks_at, doubt)
+        return Check(
+            id=id,
+            name=run.__name__,
+            claim=claim.strip(),
+            about=about.strip(),
+            needs=needs,
+            severity=severity,
+            confidence=confidence,
+            fix=" ".join(fix.split()),
+            api=api,
+            applies=applies,
+            run=run,
+            looks_at=looks_at,
+            doubt=doubt,
+        )
 
     return made
 
