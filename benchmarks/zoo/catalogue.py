@@ -27,6 +27,7 @@ Group = Literal[
     "ninth",
     "tenth",
     "eleventh",
+    "twelfth",
 ]
 
 
@@ -46,7 +47,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *eleventh*: likewise, once they were changed by those before."""
+    *second* to *twelfth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

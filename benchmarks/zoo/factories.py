@@ -523,3 +523,27 @@ def formation() -> Any:
     make = inner_module(where, "", "uav_env.env.uav_environment").UAVEnvironment
     flown = config["env"]
     return make(agents_num=flown["agents_num"], env_params=flown, modules=parts)
+
+
+def office_world() -> Any:
+    """Two agents that deliver in an office, with the configuration of its own training."""
+    where = "iamKateryna+minimaxproject"
+    config = inner_module(where, "", "training_configurations").TrainingConfig
+    make = inner_module(where, "", "envs.office_world.office_world_env").OfficeWorldEnv
+    return make(
+        map_object=config.map_object,
+        map_type=config.map_type.value,
+        coffee_type=config.coffee_type.value,
+        predator_prey=config.predator_prey,
+        allow_stealing=config.allow_stealing,
+        agents_can_be_in_same_cell=config.can_be_in_same_cell,
+    )
+
+
+def archetype(kind: str) -> Any:
+    """A society of multi-agent-sim, with the defaults of its kind."""
+    where = "Harsh-617+multi-agent-sim"
+    defaults = inner_module(where, "", f"simulation.config.{kind}_defaults")
+    config = getattr(defaults, f"default_{kind}_config")()
+    adapter = inner_module(where, "", f"simulation.adapters.{kind}_pettingzoo")
+    return getattr(adapter, f"{kind.capitalize()}PettingZooParallelEnv")(config)

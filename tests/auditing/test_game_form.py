@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import pytest
+from pettingzoo import ParallelEnv
 
 from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
 from gamekeeper.auditing.gather import gather, session_of
@@ -26,6 +27,7 @@ from gamekeeper.episodes.where import Where
 from gamekeeper.interface.opening import open_env
 from gamekeeper.reporting.measured_text import measured_text
 from tests.auditing.form_games import Beds, Duel, Ladle, Latch, Mail, Seats
+from tests.faults.rovers import Rovers
 
 
 def form_of(spec: Any, budget: int = 2_000) -> dict[str, Any]:
@@ -65,6 +67,30 @@ def test_a_move_counts_once_in_its_round() -> None:
     turns_of = [MoveLook("b", "reward", 0, k == 1, False, k) for k in range(3)]
     (row,) = trials.influence([Fact(Where("form", 0, 0), trial(*turns_of))])
     assert (row["n"], row["p"]) == (1, 1.0)
+
+
+def test_agents_that_only_a_reset_names_are_measured() -> None:
+    """An environment without possible_agents has the same form as with them."""
+
+    class Unnamed(ParallelEnv[Any, Any, Any]):
+        metadata = Rovers.metadata
+
+        def __init__(self) -> None:
+            self.rovers, self.agents = Rovers(), []
+            self.observation_space = self.rovers.observation_space
+            self.action_space = self.rovers.action_space
+
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            given, self.agents = self.rovers.reset(seed, options), self.rovers.agents
+            return given
+
+        def step(self, actions: Any) -> Any:
+            given, self.agents = self.rovers.step(actions), self.rovers.agents
+            return given
+
+    found, whole = form_of(Unnamed), form_of(Rovers)
+    assert found["errors"] == []
+    assert (found["advice"], found["because"]) == (whole["advice"], whole["because"])
 
 
 def test_a_race_that_none_observes_makes_it_aec() -> None:

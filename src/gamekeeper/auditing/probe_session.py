@@ -22,6 +22,7 @@ from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.exception_text import message, traceback_text
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.where import Where
+from gamekeeper.interface.contract_draft import spaces_of
 from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.interface.policy import Chosen, resolve
@@ -322,7 +323,7 @@ class ProbeSession:
     def space_of(self, agent: Any) -> Any:
         """The action space of an agent, as it is known before the first reset; None without one."""
         spec = self.agents.get(agent_name(agent))
-        return None if spec is None else spec.action_space
+        return spaces_of(self.opened.env, agent)[1] if spec is None else spec.action_space
 
     def handed(self, actions: Mapping[Any, Any]) -> Any:
         """The actions of a turn as `step` takes them: in an AEC environment the only one."""

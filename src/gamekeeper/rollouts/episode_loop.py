@@ -258,7 +258,6 @@ class EpisodeLoop:
         self._is_parallel = isinstance(capture, ParallelCapture)
         self._contract, self._notes_given = contract or Contract(), hooks.wants_given
         self._call, self._is_begun = "reset", False
-        self._asked: Any = None  # what `last()` gave, where it was asked before the turn
 
     def run(self, until: int | None = None) -> FailedCall | None:
         """Plays, from where it stopped last; returns the call that raised, if one did.
@@ -275,10 +274,9 @@ class EpisodeLoop:
             for turn in range(len(self.taken), turns if until is None else min(until, turns)):
                 if not self._capture.to_move:
                     break
-                if self._is_off_script(turn):
-                    break
                 self._on_step()
-                self._turn(turn)
+                if not self._turn(turn):
+                    break
             if until is None:
                 self._ask_last()
         except KeyboardInterrupt:
@@ -305,7 +303,8 @@ class EpisodeLoop:
         self._watch_step(0, out)
         self._is_begun = True
 
-    def _turn(self, turn: int) -> None:
+    def _turn(self, turn: int) -> bool:
+        """Plays a turn; False where the plan ends an agent that is alive here."""
         if self._opening.later:
             self._opening.set_at(turn, self._capture.env)
         if self._is_parallel:
@@ -315,23 +314,16 @@ class EpisodeLoop:
             out = self._capture.step(actions)
         else:
             out = None
-            agent, action = self._chosen_in_turn(turn)
+            chosen = self._chosen_in_turn(turn)
+            if chosen is None:
+                return False
+            agent, action = chosen
             action = self._hooks.acts(turn, {agent: action}).get(agent)
             self.taken.append(_copied({agent: action}))
             self._call = "step"
             self._capture.step(action)
         self._watch_step(turn + 1, out)
-
-    def _is_off_script(self, turn: int) -> bool:
-        """Tells whether the plan has None, as for an ended agent, where a live one is in turn."""
-        if self._is_parallel or self._play.actions is None:
-            return False
-        if next(iter(self._play.actions[turn].values()), None) is not None:
-            return False
-        self._call = "last"
-        self._asked = self._capture.last()
-        _, _, terminated, truncated, _ = self._asked
-        return not (terminated or truncated)
+        return True
 
     def _ask_last(self) -> None:
         """Asks for the last observation of the agent in turn where the episode is cut."""
@@ -362,17 +354,20 @@ class EpisodeLoop:
             return {agent: own_action(script[agent]) for agent in script}
         return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
 
-    def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
+    def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any] | None:
+        """The agent in turn and its action; None where it is alive and the plan has none."""
         self._call = "last"
-        asked, self._asked = self._asked, None  # once, as where policies choose: a call may draw
-        observation, _, terminated, truncated, info = asked or self._capture.last()
-        agent = self._capture.to_move[0]
-        if self._notes_given and not (terminated or truncated):
+        observation, _, terminated, truncated, info = self._capture.last()
+        agent, has_ended = self._capture.to_move[0], terminated or truncated
+        script = None if self._play.actions is None else self._play.actions[turn]
+        action = next(iter((script or {}).values()), None)
+        if script is not None and action is None and not has_ended:
+            return None
+        if self._notes_given and not has_ended:
             self._hooks.given(turn, agent, observation, info)
-        if self._play.actions is not None:
-            script = self._play.actions[turn]
-            return agent, own_action(next(iter(script.values()), None))
-        if terminated or truncated:
+        if script is not None:
+            return agent, own_action(action)
+        if has_ended:
             return agent, None
         return agent, self._chosen(agent, self._hooks.sees(turn, agent, observation), info)
 

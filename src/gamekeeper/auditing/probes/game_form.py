@@ -229,7 +229,11 @@ class _Forms:
         return done
 
     def _space(self, agent: Any) -> Any:
-        return self._spaces[agent_name(agent)]
+        name = agent_name(agent)
+        if name not in self._spaces:  # a reset named it, not possible_agents
+            place = len(self._spaces)
+            self._spaces[name] = _seeded(self._session.space_of(agent), self._stream, place)
+        return self._spaces[name]
 
     def _few(self, agents: list[Any]) -> list[Any]:
         if len(agents) <= MOST_MOVERS:
@@ -444,13 +448,18 @@ def _takes(base: Mapping[Any, float], changed: Mapping[Any, float], taker: Any, 
 
 def _spaces(session: ProbeSession, stream: int) -> dict[str, Any]:
     """The action spaces by agent, copies of their own with a seed."""
-    found: dict[str, Any] = {}
-    for place, (name, spec) in enumerate(session.agents.items()):
-        space = copy.deepcopy(spec.action_space)
-        if space is not None:
-            space.seed(int(np.random.default_rng([29, stream, place]).integers(1 << 31)))
-            found[name] = space
-    return found
+    return {
+        name: _seeded(spec.action_space, stream, place)
+        for place, (name, spec) in enumerate(session.agents.items())
+        if spec.action_space is not None
+    }
+
+
+def _seeded(space: Any, stream: int, place: int) -> Any:
+    """A copy of a space with a seed of its own."""
+    space = copy.deepcopy(space)
+    space.seed(int(np.random.default_rng([29, stream, place]).integers(1 << 31)))
+    return space
 
 
 def _alike(one: Sequence[Any], two: Sequence[Any]) -> bool:
