@@ -115,7 +115,8 @@ class ProbeSession:
         holds_entropy: plays differ by themselves, by generators that nobody seeded: the system's
             entropy is held still, so that other faults can be seen.
         class_state: plays differ since instances share it; put back before each episode and
-        instance. workers: processes that play elsewhere, by their hash seed; all probes share them.
+            instance.
+        workers: processes that play elsewhere, by their hash seed; all probes share them.
         unlike: the first episode that another probe saw differ in an instance that had played it;
             all probes share it.
         by_place: agents are no values, so that scripted actions find them by their place alone.
