@@ -5,8 +5,10 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from gamekeeper.auditing.gather import parts_of
+from gamekeeper.auditing.probe import probes
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
-from gamekeeper.auditing.probes.surface import limits_of
+from gamekeeper.auditing.probes.surface import far_limits, limits_of
 from tests.auditing.roster_games import Counting
 from tests.auditing.test_rosters import audited, broken
 
@@ -105,3 +107,33 @@ def test_the_end_of_the_time_is_no_fault_of_the_environment() -> None:
 
     with pytest.raises(TimeUpError):
         ProbeSession.call(None, "look", out_of_time)  # type: ignore[arg-type]  # reads no self
+
+
+def test_what_probes_take_on_top_shrinks_with_the_time() -> None:
+    """Where there is time for a tenth of the budget, the fine effects get a tenth of their part."""
+    found = {name: each for name, each in probes().items() if name in ("rollout", "form")}
+    assert parts_of(found) == {"form": 0.5, "rollout": 1.0}
+    assert parts_of(found, 0.1) == {"form": 0.05, "rollout": 1.0}
+
+
+class Bounded:
+    """Constructors with numbers that are called like limits, or nearly."""
+
+    def __init__(
+        self,
+        max_steps: int = 5000,
+        max_turns: int | None = None,
+        max_cycles: int = 9,
+        max_turn_angle: int = 90,
+        max_agents: int = 100,
+        horizon: float = 1e6,
+    ) -> None: ...
+
+
+def test_far_limits_are_arguments_of_time_and_of_turns() -> None:
+    """Arguments that hold a large whole number or None, not what is near already, nor no limit."""
+    assert far_limits(Bounded(), {}, 11) == ["max_steps", "max_turns"]
+    assert far_limits(Bounded(), {"max_steps": 5, "max_cycles": 40}, 11) == [
+        "max_turns",
+        "max_cycles",
+    ]

@@ -11,7 +11,7 @@ from gamekeeper.rollouts.process_randomness import held
 
 MOST_OPTIONS: Final = 6
 TURNS: Final = 60
-SMALL: Final = 5
+SMALL: Final = 2
 """A whole number in place of one that is twice as large, or larger."""
 _UNKNOWN: Final = object()
 
