@@ -204,6 +204,22 @@ class Broke(Traders):
         super().step(action)
 
 
+@faulty("GK221", budget=20_000)
+class Knot(Rovers):
+    """A step raises once all rovers meet in the first cell: too seldom for the rollouts.
+
+    The way out is looked up among the rovers that stand elsewhere, and there is none.
+    """
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Looks for a rover in another cell."""
+        out = super().step(actions)
+        cells = [tuple(cell) for cell in self.cells.values()]
+        if cells.count((0, 0)) == len(cells):
+            raise ValueError("no rover stands elsewhere")
+        return out
+
+
 @faulty("GK222")
 class Stuck(Rovers):
     """After an action that it refused the environment cannot be reset any more.
