@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
-from pettingzoo import ParallelEnv
+from pettingzoo import AECEnv, ParallelEnv
+from pettingzoo.utils.conversions import parallel_to_aec
 from pettingzoo.utils.wrappers.base_parallel import BaseParallelWrapper
 
 from tests.faults.tokens import CELLS, Tokens
@@ -323,3 +324,22 @@ class Jammed(Tokens):
         if self.placed == 20:
             raise RuntimeError("jammed")
         self.agent_selection = next(each for each in self.agents if each != self.agent_selection)
+
+
+class Pushed(Sound):
+    """Pays each agent the push that it gives, and keeps no action."""
+
+    @functools.cache  # noqa: B019  # as PettingZoo's documentation has it
+    def action_space(self, agent: str) -> Any:
+        """A push."""
+        return Box(-1.0, 1.0, (1,), np.float32)
+
+    def step(self, actions: Any) -> Any:
+        """Pays what was pushed."""
+        seen, _, *others = super().step(actions)
+        return seen, {agent: float(actions[agent][0]) for agent in seen}, *others
+
+
+def converted() -> AECEnv[str, Any, Any]:
+    """Sound rules in PettingZoo's converter."""
+    return parallel_to_aec(Pushed())

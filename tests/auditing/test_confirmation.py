@@ -134,11 +134,17 @@ def test_fault_of_wrapped_rules_is_placed_in_no_wrapper() -> None:
     assert "wrapper" not in verdict.findings[0].fix
 
 
+def test_reference_that_pettingzoos_converter_keeps_is_placed_in_it() -> None:
+    """It holds the actions of a round until its last agent acts; the rules copy theirs."""
+    (finding,) = audited("converted", "GK631").of("GK631").findings
+    assert finding.fix.startswith("in the wrapper parallel_to_aec_wrapper (pettingzoo.")
+
+
 def test_wrapper_is_told_by_the_episode_as_played_where_rules_refuse_the_shortest() -> None:
     """A program that raises within the wrapper, as its actions were made up, tells nothing."""
     wrappers = ("Outer (a)", "Inner (b)")
     short, whole = (f"def make():\n    return {each}\n" for each in ("short", "whole"))
-    passing = {within(whole, 2), within(whole, 1)}
+    passing = {within(whole, wrappers, depth) for depth in (1, 2)}
     assert faulty_wrapper((short, whole), wrappers, passing.__contains__) == "Outer (a)"
     assert faulty_wrapper((short,), wrappers, passing.__contains__) is None
     assert faulty_wrapper((whole,), (), passing.__contains__) is None

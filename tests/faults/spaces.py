@@ -204,6 +204,40 @@ class Broke(Traders):
         super().step(action)
 
 
+@faulty("GK221", budget=20_000)
+class Knot(Rovers):
+    """A step raises once all rovers meet in the first cell: too seldom for the rollouts.
+
+    The way out is looked up among the rovers that stand elsewhere, and there is none.
+    """
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Looks for a rover in another cell."""
+        out = super().step(actions)
+        cells = [tuple(cell) for cell in self.cells.values()]
+        if cells.count((0, 0)) == len(cells):
+            raise ValueError("no rover stands elsewhere")
+        return out
+
+
+@faulty("GK214", budget=20_000)
+class Crowded(Rovers):
+    """An observation leaves its space once all rovers meet in one cell of the middle row.
+
+    What the others give is added to the battery, which may be full. It shows once in 45 episodes.
+    """
+
+    row = 2
+
+    def observation(self, agent: str) -> Any:
+        """Adds what the others give who stand here."""
+        seen = super().observation(agent)
+        cells = [tuple(cell) for cell in self.cells.values()]
+        if cells.count(cells[0]) == len(cells) and cells[0][0] == self.row:
+            seen[-1] += 1.0
+        return seen
+
+
 @faulty("GK222")
 class Stuck(Rovers):
     """After an action that it refused the environment cannot be reset any more.

@@ -21,6 +21,7 @@ from pettingzoo.test.example_envs import (
 from gamekeeper.errors import ActionError, ContractError, OrderError, SpecError
 from gamekeeper.interface.conversion import to_aec
 from gamekeeper.interface.to_aec import ToAEC
+from tests.auditing.lucky_games import Pushed
 from tests.interface.relays import TickRelay, TickTickets
 from tests.interface.ticking import NAMES, SCRIPTS, Round, Ticks, aec_rows, parallel_rows, plain
 from tests.interface.toys import Pair
@@ -53,6 +54,16 @@ def test_to_aec_pays_a_tick_at_its_last_turn(n: int, script: list[Round]) -> Non
         ):
             env.step(None)
             assert not any(env.rewards.values())
+
+
+def test_to_aec_reads_an_array_of_actions_in_its_turn() -> None:
+    """All agents' actions may come in one array that is written over from turn to turn."""
+    env, action = ToAEC(Pushed()), np.zeros(1, np.float32)
+    env.reset(seed=1)
+    for push in (0.25, 0.5):
+        action[:] = push
+        env.step(action)
+    assert env.rewards == {"a": 0.25, "b": 0.5}
 
 
 def replayed(n: int, script: list[Round], ticks: int) -> Any:
@@ -311,8 +322,9 @@ def test_actions_are_handed_on_as_they_came() -> None:
     actions = {"a_0": np.int8(1), "a_1": np.zeros(2, np.float32)}
     for action in actions.values():
         env.step(action)
-    assert list(actions.items()) == list(env.env.handed.items())
-    assert all(actions[agent] is env.env.handed[agent] for agent in actions)
+    assert list(actions) == list(env.env.handed)
+    assert repr(actions) == repr(env.env.handed)
+    assert actions["a_0"].dtype == env.env.handed["a_0"].dtype
 
 
 def test_to_aec_keeps_what_is_aec_and_refuses_what_is_nothing() -> None:

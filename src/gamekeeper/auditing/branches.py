@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from typing import Any, Final
 
@@ -16,6 +16,7 @@ import numpy as np
 from gamekeeper.auditing.outcomes import value_bytes
 from gamekeeper.auditing.probe_session import ProbeSession
 from gamekeeper.episodes.episode import MASK
+from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.process_randomness import HELD, restore, seed_all, states
 
 SHORT: Final = 64
@@ -60,6 +61,8 @@ class Board:
         ended: flags that were raised.
         shared: objects that copies share.
         globals: states of the generators of the process, where the board waits to be taken up.
+        seed: of the reset.
+        taken: actions since the reset.
     """
 
     session: ProbeSession
@@ -68,13 +71,15 @@ class Board:
     ended: dict[Any, str] = field(default_factory=dict)
     shared: Sequence[Any] = ()
     globals: Mapping[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    taken: tuple[Mapping[Any, Any], ...] = ()
 
     def reset(self, seed: int | None) -> None:
         """Starts the episode, with the generators of the process at a place of that seed's."""
         seed_all(HELD + (seed or 0))
         self.session.meter.count()
         out = self.env.reset(seed=seed)
-        self.ended = {}
+        self.ended, self.seed, self.taken = {}, seed, ()
         if self.session.api == "parallel":
             self._hand_out(out[0], out[1])
         else:
@@ -95,7 +100,7 @@ class Board:
     def _copied(self) -> Board:
         """The same place in an environment of its own; spaces are shared, as copies cost most."""
         env = copy.deepcopy(self.env, {id(each): each for each in self.shared})
-        return Board(self.session, env, dict(self.given), dict(self.ended), self.shared)
+        return replace(self, env=env, given=dict(self.given), ended=dict(self.ended), globals={})
 
     @property
     def is_over(self) -> bool:
@@ -104,9 +109,18 @@ class Board:
 
     def step(self, actions: Mapping[Any, Any]) -> BranchStep:
         """Takes a step with these actions; that of an ended agent in turn with None."""
+        self.session.meter.count()
+        self.taken = (*self.taken, {agent: copy.deepcopy(actions[agent]) for agent in self.given})
+        try:
+            return self._stepped(actions)
+        except Exception:
+            play = EpisodePlan(self.seed, 0, self.taken, len(self.taken))
+            self.session.raised[:] = self.session.raised or [play]
+            raise
+
+    def _stepped(self, actions: Mapping[Any, Any]) -> BranchStep:
         given = dict(self.given)
         acts = {agent: copy.deepcopy(actions[agent]) for agent in given}
-        self.session.meter.count()
         if self.session.api == "parallel":
             out = self.env.step(acts)
             rewards = {agent: float(paid) for agent, paid in out[1].items()}

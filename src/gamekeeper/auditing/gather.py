@@ -13,6 +13,7 @@ from gamekeeper.auditing.evidence_memory import EVIDENCE_BYTES, held_bytes, most
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
 from gamekeeper.auditing.readings import AS_IT_IS, readings_of
+from gamekeeper.checks.facts.episode_facts import RaisedCall
 from gamekeeper.checks.paired_episodes import differs_by_itself
 from gamekeeper.checks.probe_evidence import (
     Fact,
@@ -176,6 +177,8 @@ def gather(
             left -= parts[name]
     if gathering.cut and not gathering.stopped:
         gathering.stopped = TIME_UP
+    if not gathering.stopped:
+        _add_raised(gathering)
     return gathering
 
 
@@ -189,6 +192,19 @@ def parts_of(found: Mapping[str, Probe], fits: float = 1.0) -> dict[str, float]:
     """
     total = sum(probe.share for probe in found.values()) or 1.0
     return {name: probe.share / total + fits * probe.on_top for name, probe in found.items()}
+
+
+def _add_raised(gathering: Gathering) -> None:
+    """Adds to the rollouts the episode that another probe saw raise, where they saw none."""
+    session, looks = gathering.session, gathering.looks.get(ROLLOUT)
+    if not looks or not session.raised or any(look.fact(RaisedCall) for look in looks):
+        return
+    rollout = gathering.for_probe(ROLLOUT, 0)
+    rollout.number = len(looks)
+    look = look_once(rollout, gathering.probes[ROLLOUT], session.raised[0])
+    if look.fact(RaisedCall):
+        looks.append(look)
+        gathering.plays[ROLLOUT, rollout.number] = rollout.base or session.raised[0]
 
 
 def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, str]) -> None:

@@ -119,6 +119,8 @@ class ProbeSession:
         workers: processes that play elsewhere, by their hash seed; all probes share them.
         unlike: the first episode that another probe saw differ in an instance that had played it;
             all probes share it.
+        raised: the first episode of legal actions that another probe than rollouts saw raise; all
+            probes share it.
         by_place: agents are no values, so that scripted actions find them by their place alone.
         readings: of an environment that has another form than the API's.
     """
@@ -139,6 +141,7 @@ class ProbeSession:
     class_state: ClassState | None = None
     workers: dict[int, WarmWorker] = field(default_factory=dict)
     unlike: list[EpisodePlan] = field(default_factory=list)
+    raised: list[EpisodePlan] = field(default_factory=list)
     by_place: bool = False
     readings: tuple[Hold, ...] = ()
     _made: list[Any] = field(default_factory=list)

@@ -3,12 +3,20 @@
 from collections.abc import Callable, Sequence
 
 from gamekeeper.auditing.held_programs import after_make
+from gamekeeper.interface.wrapper_names import CONVERTER
 
 
-def within(program: str, depth: int) -> str:
-    """The program with so many of the outermost wrappers left out."""
+def within(program: str, wrappers: Sequence[str], depth: int) -> str:
+    """The program with so many of the outermost wrappers left out.
+
+    Where PettingZoo's converter is one of them, this package's converts in its place.
+    """
     head, tail = after_make(program)
-    inner = f"\ndef within():\n    return whole(){'.env' * depth}\n\nwhole, make = make, within\n"
+    env = f"whole(){'.env' * depth}"
+    if CONVERTER in wrappers[:depth]:
+        env = f"to_aec({env})"
+        head = f"from gamekeeper.interface.conversion import to_aec\n{head}"
+    inner = f"\ndef within():\n    return {env}\n\nwhole, make = make, within\n"
     return f"{head}{inner}{tail}"
 
 
@@ -26,9 +34,9 @@ def faulty_wrapper(
         Its name; None where no program passes with the rules alone, or there is no wrapper.
     """
     for program in programs if wrappers else ():
-        if not passes(within(program, len(wrappers))):
+        if not passes(within(program, wrappers, len(wrappers))):
             continue
         for depth in reversed(range(len(wrappers))):
-            if not passes(within(program, depth)):
+            if not passes(within(program, wrappers, depth)):
                 return wrappers[depth]
     return None

@@ -10,7 +10,12 @@ from gamekeeper.episodes.divergence import Divergence
 
 LATE: Final = ("reward", "raised", "rows", "order")
 """Fields that are made by their turn's step: they are seen once it is over."""
-WORDS: Final = {"obs": "observation", "cumulative_reward": "reward", "live": "roster"}
+WORDS: Final = {
+    "obs": "observation",
+    "cumulative_reward": "reward",
+    "live": "roster",
+    "rows": "list of agents with a row",
+}
 
 _PARALLEL = '''\
 def story(meddle):

@@ -1,5 +1,6 @@
 """From all agents at once to one after the other: Parallel environments behind AEC."""
 
+import copy
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
@@ -137,9 +138,10 @@ class ToAEC(EnvInside, Books):
     # -- turns and ticks
 
     def act(self, agent: AgentId, action: Any) -> None:
-        """Keeps the action; the last one of a tick lets the environment step."""
+        """Keeps a copy of the action; the last one of a tick lets the environment step."""
         acts = self.__acts
-        acts[agent] = action
+        # a reader may use one array for the actions of all
+        acts[agent] = action if isinstance(action, int | np.generic) else copy.deepcopy(action)
         if len(acts) == len(self.__order):
             self.__step(acts)
 

@@ -35,8 +35,8 @@ from gamekeeper.rollouts.reruns import replayed_episode
 
 PLAYS: Final = 8
 """Episodes at least, however long."""
-SHORT_PLAYS: Final = 16
-"""Further episodes, where the first ones ended early and left steps to spend."""
+SHORT_PLAYS: Final = 56
+"""Further episodes at most, where the first ones ended early and left steps to spend."""
 
 
 @probe(
