@@ -5,8 +5,6 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from gamekeeper.auditing.gather import parts_of
-from gamekeeper.auditing.probe import probes
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes.surface import far_limits, limits_of
 from tests.auditing.roster_games import Counting
@@ -107,13 +105,6 @@ def test_the_end_of_the_time_is_no_fault_of_the_environment() -> None:
 
     with pytest.raises(TimeUpError):
         ProbeSession.call(None, "look", out_of_time)  # type: ignore[arg-type]  # reads no self
-
-
-def test_what_probes_take_on_top_shrinks_with_the_time() -> None:
-    """Where there is time for a tenth of the budget, the fine effects get a tenth of their part."""
-    found = {name: each for name, each in probes().items() if name in ("rollout", "form")}
-    assert parts_of(found) == {"form": 0.5, "rollout": 1.0}
-    assert parts_of(found, 0.1) == {"form": 0.05, "rollout": 1.0}
 
 
 class Bounded:

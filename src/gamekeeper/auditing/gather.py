@@ -146,12 +146,11 @@ def gather(
     """
     found = probes(names)
     gathering = Gathering(session, found, class_state=ClassState(session.opened.env))
-    parts = parts_of(found)
-    if until_s is not None:
-        steps = _steps_until(session, until_s)
-        parts = parts_of(found, min(steps / max(session.ration, 1), 1.0))
-        session.ration = min(session.ration, int(steps / sum(parts.values())))
+    total = sum(probe.share for probe in found.values()) or 1.0
+    parts = {name: probe.share / total + probe.on_top for name, probe in found.items()}
     left = sum(parts.values())
+    if until_s is not None:
+        session.ration = min(session.ration, int(_steps_until(session, until_s) / left))
     order = sorted(found, key=lambda name: (name != FIRST, name == LAST))
     for names in (order, gathering.cut):  # those that are cut look once more in what is left
         if names is not order:
@@ -180,18 +179,6 @@ def gather(
     if not gathering.stopped:
         _add_raised(gathering)
     return gathering
-
-
-def parts_of(found: Mapping[str, Probe], fits: float = 1.0) -> dict[str, float]:
-    """Part of the budget of each probe.
-
-    Args:
-        found: probes by name.
-        fits: the part of the whole budget for which there is time: what some take on top is for
-            fine effects, and shrinks with it, so that all others see at least something.
-    """
-    total = sum(probe.share for probe in found.values()) or 1.0
-    return {name: probe.share / total + fits * probe.on_top for name, probe in found.items()}
 
 
 def _add_raised(gathering: Gathering) -> None:
