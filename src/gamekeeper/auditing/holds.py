@@ -200,14 +200,14 @@ def observations_held(make: Callable[[], Any]) -> Callable[[], Any]:
 def infos_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Copies each info as it is put into `infos`, and before it is handed out."""
 
-    class Infos(dict):  # type: ignore[type-arg]  # in a program no name of typing is known
+    class InfosCopied(dict):  # type: ignore[type-arg]  # in a program no name of typing is known
         def __setitem__(self, key: Any, value: Any) -> None:
             super().__setitem__(key, copied(value))
 
     def copied(value: Any) -> Any:
         if not isinstance(value, dict):
             return copy.deepcopy(value)
-        own = Infos()
+        own = InfosCopied()
         for key, each in value.items():
             own[key] = each
         return own

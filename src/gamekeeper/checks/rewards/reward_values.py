@@ -52,7 +52,7 @@ class ReportedReward:
 
     @property
     def numbers(self) -> tuple[float, float]:
-        """What it was told and was owed, whatever the order in which that was summed."""
+        """Rewards as told and as owed, whatever the order in which these were summed."""
         return self.told, float(f"{self.owed:.9g}")
 
     @property
