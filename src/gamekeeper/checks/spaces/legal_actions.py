@@ -286,7 +286,7 @@ LEAST_TURNS: Final = 6
     looks_at="a replaced action that makes a difference, or two whole episodes of 6 turns or more",
 )
 def actions_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """What agents do makes a difference: other actions lead to another episode.
+    """Actions make a difference: other ones lead to another episode.
 
     Where an action is lost on its way, as a number that is taken for an array, training goes on for
     ever and no policy is better than another. Observations, rewards, endings, infos and the order
