@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from gamekeeper.checks.paired_episodes import TWICE, program
+from gamekeeper.checks.paired_episodes import TWICE, program, told_difference
+from gamekeeper.episodes.divergence import Divergence
 from tests.faults.rovers import Rovers
 
 KEPT: list[Any] = []
@@ -30,3 +31,10 @@ def test_addresses_of_objects_are_no_difference() -> None:
     assert "re" in found.imports
     scope = {"make": Carrying, "SEED": 1, "ACTIONS": [], "np": np, "re": re}
     exec(found.lines, scope)
+
+
+def test_difference_of_dictionaries_is_told_where_it_lies() -> None:
+    """Both values are those of the first key that differs, however long the dictionaries are."""
+    one, two = ({"events": {f"event_{k}": k // 9 == late for k in range(40)}} for late in (1, 2))
+    told = told_difference(Divergence(0, 3, "a", "info", one, two))
+    assert told == "info['a']['events']['event_9'] at turn 3 is false, not true"

@@ -76,7 +76,13 @@ def told_difference(divergence: Divergence) -> str:
 
 
 def _unlike(one: Any, two: Any) -> tuple[str, str, str]:
-    """Both values in words; of arrays the first element that differs, with its place."""
+    """Both values in words; of arrays and dictionaries the first that differs, with its place."""
+    if isinstance(one, dict) and isinstance(two, dict):
+        for key in {**one, **two}:
+            pair = one.get(key), two.get(key)
+            if literal(pair[0]) != literal(pair[1]):
+                shown_one, shown_two, inside = _unlike(*pair)
+                return shown_one, shown_two, f"[{key!r}]{inside}"
     both = isinstance(one, np.ndarray) and isinstance(two, np.ndarray)
     if both and one.shape == two.shape and one.ndim:
         places = np.argwhere(~((one == two) | ((one != one) & (two != two))))
