@@ -6,6 +6,7 @@ import functools
 import sys
 import time
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
@@ -343,3 +344,8 @@ class Pushed(Sound):
 def converted() -> AECEnv[str, Any, Any]:
     """Sound rules in PettingZoo's converter."""
     return parallel_to_aec(Pushed())
+
+
+def imported_late() -> Any:
+    """An environment of a module that is imported as the first one is built."""
+    return import_module("tests.auditing.drawn_at_import").Sampled()

@@ -91,6 +91,12 @@ def test_processes_that_agree_by_chance_withdraw_nothing(monkeypatch: pytest.Mon
     assert (found.of("GK601").outcome, found.of("GK607").outcome) == ("failed", "passed")
 
 
+def test_draws_of_a_module_as_it_is_imported_share_nothing() -> None:
+    """A process's first episode differs by no draw of an import, nor does its reproducer's."""
+    found = audited("imported_late", "GK602", "GK607")
+    assert (found.of("GK602").outcome, found.of("GK607").outcome) == ("failed", "passed")
+
+
 def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
     """State that survives a reset: a used instance differs, two fresh ones don't."""
     found = audited("Tires", "GK60")

@@ -139,6 +139,7 @@ def play_task(
         rosters: list[list[str]] = []
         with held():
             env = open_env(spec, **kwargs).env
+        with held():  # once more, as modules that it imports may draw too
             agents = {_name(agent): agent for agent in getattr(env, "possible_agents", ())}
             again = _from_script(play, agents)
             played = perform(

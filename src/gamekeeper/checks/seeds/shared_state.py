@@ -81,7 +81,8 @@ def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> R
     if "torch" in moved:
         seeding.append("torch.manual_seed(n)")
     head = ("def seed_all(n):", *(f"    {line}" for line in seeding))
-    alone = (*head, "seed_all(1)", "alone = play(make())")
+    imports = "make()  # modules that it imports may draw"
+    alone = (*head, imports, "seed_all(1)", "alone = play(make())")
     return program(
         api,
         *alone,
