@@ -81,11 +81,17 @@ def _fares(script: EpisodeSteps, *, is_whole: bool) -> dict[str, tuple[float, ..
     for step, number in zip(script.steps, script.rounds, strict=True):
         if number == last:
             break
-        for agent, fare in found.items():
-            paid = step.rewards.get(agent, 0.0)
-            done = (paid, abs(paid), paid != 0, agent in step.given)
-            fare[:4] = [one + more for one, more in zip(fare, done, strict=False)]
-            fare[4] = float(step.ended.get(agent) == "termination")
+        for agent, paid in step.rewards.items():
+            if agent in found:
+                found[agent][0] += paid
+                found[agent][1] += abs(paid)
+                found[agent][2] += paid != 0
+        for agent in step.given:
+            if agent in found:
+                found[agent][3] += 1
+        for agent, kind in step.ended.items():
+            if agent in found:
+                found[agent][4] = float(kind == "termination")
     return {agent_name(agent): tuple(values) for agent, values in found.items()}
 
 

@@ -28,12 +28,17 @@ def fares(episode: Episode, agents: Sequence[str]) -> FloatArray:
     Of an episode that was cut off only whole rounds count.
     """
     rows = np.zeros((len(agents), 3))
+    place = {agent: row for row, agent in enumerate(agents)}
     for turn in _whole_rounds(episode):
-        acted, ended = set(turn.order), turn.ended
-        for agent, row in zip(agents, rows, strict=True):
-            row[:2] += turn.rewards.get(agent, 0.0), agent in acted
-            if agent in ended:
-                row[2] = bool(turn.terminated.get(agent))
+        for agent, paid in turn.rewards.items():
+            if agent in place:
+                rows[place[agent], 0] += paid
+        for agent in turn.order:
+            if agent in place:
+                rows[place[agent], 1] += 1
+        for agent in turn.ended:
+            if agent in place:
+                rows[place[agent], 2] = float(bool(turn.terminated.get(agent)))
     return rows
 
 
