@@ -235,11 +235,13 @@ def table(rows: Sequence[Row], judged: Judgements) -> Iterator[str]:
 
 
 def _linked(package: str) -> str:
-    """The package's name, with its page of findings if there is one of its own."""
+    """The package's name, with its page of findings: of its name, or of its owner's and its own."""
     owner, _, name = package.rpartition("/")
-    page = FINDINGS / f"{name.lower().replace('_', '-')}.md"
-    is_its_own = page.exists() and owner in page.read_text().partition("\n")[0]
-    return f"[{package}](findings/{page.name})" if is_its_own else package
+    for stem in (name, f"{owner}-{name}"):
+        page = FINDINGS / f"{stem.lower().replace('_', '-')}.md"
+        if page.exists() and owner in page.read_text().partition("\n")[0]:
+            return f"[{package}](findings/{page.name})"
+    return package
 
 
 def _cells(
