@@ -103,13 +103,13 @@ class Offset(Valley):
     """Adds up very large numbers that nearly cancel out, in the order of the actions."""
 
     def step(self, actions: dict[Any, Any]) -> Any:
-        """Everybody is paid what is left of all wagers, and sees the bank and its own height."""
+        """Everybody is paid what is left of all wagers, and sees the bank."""
         out = super().step(actions)
         bank = 0.0
         for agent in actions:
             place = self.possible_agents.index(agent)
             bank += (1e12 + 0.1 * place) * (-1.0) ** place
-        seen = {a: np.array([1e12 + self.heights[a], bank]) for a in out[0]}
+        seen = {a: np.array([1e12, bank]) for a in out[0]}
         return seen, dict.fromkeys(out[1], bank), *out[2:]
 
 

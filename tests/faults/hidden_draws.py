@@ -104,7 +104,7 @@ class EachLookDraws(Traders):
 
 
 # last() looks too, and what is drawn for it is drawn from what others draw from.
-@faulty("GK602", "GK634", also=("GK601", "GK635"))
+@faulty("GK602", "GK634", also=("GK601", "GK609", "GK635"))
 class EachLookDrawsGlobally(Traders):
     """observe() draws its noise from a global generator, which reset seeds.
 
@@ -165,7 +165,7 @@ class RenderDraws(Rovers):
         return super().render()
 
 
-@faulty("GK638")
+@faulty("GK638", also=("GK609",))
 class SpaceIsTheDice(Rovers):
     """The wind is drawn by sampling from the space of actions that is handed out.
 

@@ -261,15 +261,3 @@ class Stuck(Rovers):
         out = super().step(actions)
         self.is_stepping = False
         return out
-
-
-@faulty("GK223")
-class ActionsLost(Rovers):
-    """Actions are taken for arrays of values of which the largest counts.
-
-    Whatever number it is, the place of its largest value is 0.
-    """
-
-    def drive(self, agent: str, action: int) -> None:
-        """Takes a number for an array."""
-        super().drive(agent, 1 + int(np.argmax(action)))

@@ -12,11 +12,9 @@ from gymnasium.spaces import Discrete
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import cut, legal, other_action
-from gamekeeper.checks.facts.action_facts import OtherCourse
 from gamekeeper.checks.facts.episode_facts import MoverTrial, Payment
 from gamekeeper.checks.rounds import movers
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -30,8 +28,6 @@ TRIALS: Final = 8
 LAGS: Final = 2
 """Ticks (AEC: rounds) after the step that are looked at, as far as masks allow the actions."""
 MOST_LATER: Final = 12
-LONG: Final = 300
-"""Turns of an episode that is played with quite other actions, too."""
 
 
 def _influence_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
@@ -52,12 +48,8 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     A counterfactual for each replaced action, cut a few turns after it; their unchanged rerun is
     one and the same.
-
-    Facts:
-        `OtherCourse` of the first episode.
     """
     env = session.env()
-    moved = False
     base = session.play(play, env, state=False)
     spots = [turn for turn in base.episode.turns if movers(turn)]
     if not spots:
@@ -65,7 +57,6 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     unchanged_rerun = session.play(base.play, env, state=False)
     if session.divergence(base.episode, unchanged_rerun.episode) is not None:
         session.unlike[:] = session.unlike or [base.play]
-        moved = True
     step = max(len(spots) // TRIALS, 1)
     offset = play.stream % step
     for place, turn in enumerate(spots[offset::step][: TRIALS + 1]):
@@ -80,42 +71,10 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         trial = replace(base, play=cut(base.play, turn.index + 1 + later + (session.api == "aec")))
         change = ReplacedAction(turn.index, own_name(base, agent), action)
         counterfactual = session.counterfactual(trial, unchanged_rerun, change, env, state=False)
-        if play.stream == 0 and not moved:
-            seen = _given(counterfactual.episode)
-            moved = seen != _given(base.episode)[: len(seen)]
         legal_for = _legal_for(session, counterfactual.episode, turn.index, later)
         yield replace(
             counterfactual, change={**counterfactual.change, "agent": agent, "later": legal_for}
         )
-    if play.stream == 0:
-        yield from _other_course(session, base, env, moved=moved)
-
-
-def _other_course(
-    session: ProbeSession, base: EpisodeResult, env: Any, *, moved: bool
-) -> Iterator[Saw]:
-    """Long episodes of the base's seed with two courses of actions, unless some action matters."""
-    if moved:
-        yield session.fact(OtherCourse((), 0, is_whole=False, is_same=False), field="actions")
-        return
-    plan = replace(base.play, actions=None, most_turns=LONG)
-    one, two = (
-        session.play(replace(plan, stream=stream), env, state=False) for stream in (LONG, 2 * LONG)
-    )
-    if one.failed is None and two.failed is None:
-        is_same = _given(one.episode) == _given(two.episode)
-        actions = (two.play.actions or ())[: len(base.play.actions or ())]
-        turns, is_whole = len(one.episode.turns), one.episode.header.get("end") == "ended"
-        yield session.fact(OtherCourse(actions, turns, is_whole, is_same), field="actions")
-
-
-def _given(episode: Episode) -> list[str]:
-    """All that the environment gave, by turn, with what the step before it paid."""
-    paid = [{}, *(turn.rewards for turn in episode.turns)]
-    return [
-        to_json([dict(turn.observations), sorted(turn.ended), dict(turn.infos), dict(rewards)])
-        for turn, rewards in zip(episode.turns, paid, strict=False)
-    ]
 
 
 def _legal_for(session: ProbeSession, episode: Episode, start: int, later: int) -> int:

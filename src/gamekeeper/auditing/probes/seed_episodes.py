@@ -195,8 +195,16 @@ def unseeded(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if other is not None:
         begun.append(_told(session.play(first, other, hold=False)))
         if len(set(begun)) == 1:
-            told = _told(session.play(again, other, hold=False))
-            yield session.fact(UnseededAgain(is_same=told == unseeded[0]))
+            asked: list[bool] = []
+            with entropy_lines(OwnCode.of(session.opened.env)) as lines:
+
+                def note(turn: int, env: Any, out: Any) -> None:
+                    asked.append(bool(lines))
+
+                told = _told(session.play(again, other, hold=False, watch=note))
+            is_same = told == unseeded[0]
+            if is_same or asked[:1] == [True]:  # else what nobody ever seeds is to blame
+                yield session.fact(UnseededAgain(is_same))
     kinds = len(set(seeded)), len(set(unseeded))
     if kinds[0] > 1 and kinds[1] == 1:
         while len(seeded) < MANY:

@@ -1,4 +1,4 @@
-"""Facts of the probes `illegal`, `ended` and `influence`: illegal actions, and quite other ones."""
+"""Facts of the probes `illegal` and `ended`: actions that the rules need not take."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -60,20 +60,3 @@ class MaskTrial:
     def is_alone(self, place: int) -> bool:
         """Tells whether no other action gives what this one does."""
         return self.classes[place] >= 0 and self.classes.count(self.classes[place]) == 1
-
-
-@dataclass(frozen=True, slots=True)
-class OtherCourse:
-    """An episode with other actions from the same seed, unless a single one made a difference.
-
-    Attributes:
-        actions: of the first turns, as many as the episode beside it has.
-        turns: of the two longer episodes that were compared; 0 where none had to be.
-        is_whole: they were played to their end.
-        is_same: whether all that the environment gave was the same.
-    """
-
-    actions: tuple[Mapping[Any, Any], ...]
-    turns: int
-    is_whole: bool
-    is_same: bool

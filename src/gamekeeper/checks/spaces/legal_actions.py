@@ -10,10 +10,9 @@ from gymnasium.spaces import Discrete
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in
-from gamekeeper.checks.facts.action_facts import OtherCourse, TriedAction
+from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.episode_facts import RaisedCall
-from gamekeeper.checks.literal import literal, step_literal
-from gamekeeper.checks.paired_episodes import program
+from gamekeeper.checks.literal import step_literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
 from gamekeeper.checks.spaces.action_masks import (
     fits,
@@ -272,52 +271,6 @@ def _then(api: str, declared: str, agent: str) -> str:
         lines.append(f"reward = next(r for a, r in {rewards}.items() if str(a) == {agent!r})")
         lines.append("assert reward < 0, reward")
     return "\n".join(lines)
-
-
-LEAST_TURNS: Final = 6
-"""Turns of two whole episodes of one seed in which some action would have made a difference."""
-
-
-@check(
-    "GK223",
-    HIGH,
-    "influence",
-    confidence=0.95,
-    looks_at="a replaced action that makes a difference, or two whole episodes of 6 turns or more",
-)
-def actions_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """Actions make a difference: other ones lead to another episode.
-
-    Where an action is lost on its way, as a number that is taken for an array, training goes on for
-    ever and no policy is better than another. Observations, rewards, endings, infos and the order
-    of agents are compared: where none of some replaced actions has moved any, in two episodes from
-    the same seed, with other random actions up to their end, as rewards may come no sooner.
-
-    Bad: `direction = np.argmax(actions[agent])`, of a Discrete action: always 0.
-
-    Good: `direction = int(actions[agent])`.
-
-    Fix: use the action in the form in which the action space gives it
-    """
-    for fact in evidence.facts(OtherCourse):
-        seen = fact.value
-        if not seen.is_same or (seen.is_whole and seen.turns >= LEAST_TURNS):
-            expected, actual = "another episode", f"the same in all of {seen.turns} turns"
-            proof = _other_course(evidence.api, seen.actions)
-            yield Case(fact.where, not seen.is_same, expected, actual, proof)
-
-
-def _other_course(api: str, actions: Sequence[Mapping[Any, Any]]) -> Reproducer:
-    """A program that raises where other actions lead to the same episode."""
-    is_aec = api == "aec"
-    handed = [next(iter(each.values()), None) if is_aec else dict(each) for each in actions]
-    return program(
-        api,
-        "one = play(make())",
-        f"ACTIONS = {literal(handed)}",
-        'assert play(make()) != one, "other actions, and the same episode"',
-        unchanged=(),
-    )
 
 
 UNFINISHED: Final = (
