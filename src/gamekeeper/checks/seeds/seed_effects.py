@@ -304,7 +304,7 @@ RESETS: Final = 16
 
 @check("GK609", HIGH, "unseeded", applies=draws_nothing)
 def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
-    """A reset without a seed goes on drawing; it doesn't re-seed with a constant or the last seed.
+    """A reset without a seed goes on drawing; it re-seeds with no constant, last seed or entropy.
 
     Training resets without a seed, and would see one and the same episode again and again. Judged
     only where seeds make a difference. Fisher's exact test on how often plays of 16 resets without
