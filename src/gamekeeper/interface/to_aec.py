@@ -140,8 +140,11 @@ class ToAEC(EnvInside, Books):
     def act(self, agent: AgentId, action: Any) -> None:
         """Keeps a copy of the action; the last one of a tick lets the environment step."""
         acts = self.__acts
-        # a reader may use one array for the actions of all
-        acts[agent] = action if isinstance(action, int | np.generic) else copy.deepcopy(action)
+        if isinstance(action, np.ndarray):  # a reader may use one array for the actions of all
+            action = action.copy()
+        elif not isinstance(action, int | np.generic):
+            action = copy.deepcopy(action)
+        acts[agent] = action
         if len(acts) == len(self.__order):
             self.__step(acts)
 
