@@ -39,7 +39,10 @@ class NeedsScreen(Rovers):
 class Listed(Traders):
     """Gives the frames since the last call."""
 
-    metadata = {**Traders.metadata, "render_modes": ["rgb_array_list"]}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        **Traders.metadata,
+        "render_modes": ["rgb_array_list"],
+    }
 
     def render(self) -> Any:
         frame = super().render()
@@ -166,6 +169,6 @@ def test_metadata_rates_that_are_none_are_broken(rate: Any) -> None:
     """A rate is a number above 0."""
 
     class Rated(Rovers):
-        metadata = {**Rovers.metadata, "render_fps": rate}  # noqa: RUF012
+        metadata = {**Rovers.metadata, "render_fps": rate}  # noqa: RUF012  # as PettingZoo has it
 
     assert audited(Rated, "GK823").of("GK823").outcome == "failed"

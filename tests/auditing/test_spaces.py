@@ -25,7 +25,7 @@ FAMILY = ("GK20", "GK21", "GK22")
 class Sampler(ParallelEnv[Any, Any, Any]):
     """Agents 0 and 1 observe samples of any space for six ticks."""
 
-    metadata = {"name": "sampler_v0", "render_modes": []}  # noqa: RUF012
+    metadata = {"name": "sampler_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
     render_mode = None
 
     def __init__(self, seen: spaces.Space[Any], done: spaces.Space[Any], agents: Any) -> None:

@@ -12,14 +12,19 @@ from tests.faults.rovers import Rovers
 class Nameless(Rovers):
     """The metadata has no name."""
 
-    metadata = {k: v for k, v in Rovers.metadata.items() if k != "name"}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        k: v for k, v in Rovers.metadata.items() if k != "name"
+    }
 
 
 @faulty("GK822")
 class ModeUndeclared(Rovers):
     """It renders in a mode that its metadata doesn't have."""
 
-    metadata = {**Rovers.metadata, "render_modes": ["human"]}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        **Rovers.metadata,
+        "render_modes": ["human"],
+    }
 
     def __init__(self, count: int = 3, horizon: int = 20, render_mode: str = "rgb_array") -> None:
         super().__init__(count, horizon, render_mode)
@@ -29,14 +34,17 @@ class ModeUndeclared(Rovers):
 class ModesAsText(Rovers):
     """The render modes are one text."""
 
-    metadata = {**Rovers.metadata, "render_modes": "rgb_array"}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        **Rovers.metadata,
+        "render_modes": "rgb_array",
+    }
 
 
 @faulty("GK822")
 class FormerSpelling(Rovers):
     """The render modes stand under the key that Gym once had."""
 
-    metadata = {  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
         "render.modes" if k == "render_modes" else k: v for k, v in Rovers.metadata.items()
     }
 
@@ -45,14 +53,18 @@ class FormerSpelling(Rovers):
 class ModesUnsaid(Rovers):
     """It takes a render mode and renders, and its metadata says nothing of modes."""
 
-    metadata = {k: v for k, v in Rovers.metadata.items() if k != "render_modes"}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        k: v for k, v in Rovers.metadata.items() if k != "render_modes"
+    }
 
 
 @faulty("GK823")
 class NoRate(Rovers):
     """Pictures are rendered at no rate."""
 
-    metadata = {k: v for k, v in Rovers.metadata.items() if k != "render_fps"}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        k: v for k, v in Rovers.metadata.items() if k != "render_fps"
+    }
 
 
 @faulty("GK824")
@@ -62,7 +74,10 @@ class GrowingModes(Rovers):
     Adds a mode for text.
     """
 
-    metadata = {**Rovers.metadata, "render_modes": ["rgb_array"]}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        **Rovers.metadata,
+        "render_modes": ["rgb_array"],
+    }
 
     def __init__(self, render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode)
@@ -77,13 +92,16 @@ class GrowingModes(Rovers):
 class TextForBool(Rovers):
     """It says in words that it can't be made parallel."""
 
-    metadata = {**Rovers.metadata, "is_parallelizable": "no"}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        **Rovers.metadata,
+        "is_parallelizable": "no",
+    }
 
 
 @faulty("GK825")
 class OtherSpelling(Rovers):
     """It says under a British spelling that it can be made parallel."""
 
-    metadata = {  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
         k.replace("izable", "isable"): v for k, v in Rovers.metadata.items()
     }

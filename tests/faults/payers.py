@@ -29,7 +29,11 @@ class Pursuit(ParallelEnv):
     Pursuers on a torus chase evaders that drift about; touching and nearness pay.
     """
 
-    metadata = {"name": "pursuit_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        "name": "pursuit_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
 
     def __init__(self, count: int = 3, horizon: int = 30, render_mode: str | None = None) -> None:
         self.count, self.horizon, self.render_mode = count, horizon, render_mode
@@ -96,7 +100,11 @@ class Lane(ParallelEnv):
     Drivers on a ring drive ahead by 0, 1 or 2 cells; who would hit a standing one bumps.
     """
 
-    metadata = {"name": "lane_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        "name": "lane_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
 
     def __init__(self, count: int = 3, horizon: int = 15, render_mode: str | None = None) -> None:
         self.count, self.horizon, self.render_mode = count, horizon, render_mode

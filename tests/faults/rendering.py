@@ -18,7 +18,10 @@ class RefusesAnsi(Rovers):
     Declares text, and has pictures only.
     """
 
-    metadata = {**Rovers.metadata, "render_modes": ["rgb_array", "ansi"]}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        **Rovers.metadata,
+        "render_modes": ["rgb_array", "ansi"],
+    }
 
     def __init__(self, render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode)

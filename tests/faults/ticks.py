@@ -31,7 +31,11 @@ class Beams(ParallelEnv):
     Gardeners walk over a torus, eat apples, and stun each other with beams.
     """
 
-    metadata = {"name": "beams_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        "name": "beams_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
 
     def __init__(self, count: int = 6, horizon: int = 50, render_mode: str | None = None) -> None:
         self.count, self.horizon, self.render_mode = count, horizon, render_mode
@@ -151,7 +155,11 @@ class Hands(AECEnv):
     All show a hand; who shows one that nobody else does is paid its number.
     """
 
-    metadata = {"name": "hands_v0", "render_modes": [], "is_parallelizable": False}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        "name": "hands_v0",
+        "render_modes": [],
+        "is_parallelizable": False,
+    }
 
     def __init__(self, count: int = 3, rounds: int = 12, render_mode: str | None = None) -> None:
         super().__init__()

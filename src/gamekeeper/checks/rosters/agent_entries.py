@@ -138,7 +138,7 @@ def accounts_are_kept_of_the_living_only(contract: Contract, evidence: ProbeEvid
 def _too_many(
     episode: Episode, turn: Turn, entries: list[tuple[str, str]], why: str, lines: str
 ) -> Cases:
-    """Yields a case for each entry that shouldn't be there; without any one for the turn."""
+    """Yields a case for each entry that shouldn't be there, else one for the turn."""
     for agent, part in entries:
         where, book = entry_place(episode, turn, agent, part), PARTS[part]
         proof = lines.format(book=book)
@@ -159,7 +159,7 @@ def _removed_early(contract: Contract, evidence: ProbeEvidence) -> set[str]:
 def _of_books(
     where: Where, found: Mapping[str, list[str]], expected: str, seen: str, lines: str
 ) -> Cases:
-    """Yields a case for each book with these agents; without any one for the turn."""
+    """Yields a case for each book that has such agents, else one for the turn."""
     for name, agents in found.items():
         if agents:
             at, told = replace(where, agent=agents[0], field=name), f"{seen} {', '.join(agents)}"
