@@ -335,6 +335,30 @@ class Blinks(Valley):
         return frame
 
 
+class Belt(Valley):
+    """Pays for what is sent when it arrives, two ticks later; the belt is observed."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """An empty belt."""
+        self.belts = dict.fromkeys(self.possible_agents, (0.0, 0.0))
+        return super().reset(seed, options)
+
+    def step(self, actions: dict[Any, Any]) -> Any:
+        """What was sent last goes on by one place."""
+        self.arrived = {a: first for a, (first, _) in self.belts.items()}
+        for agent, action in actions.items():
+            self.belts[agent] = (self.belts[agent][1], 1.0 + float(action))
+        return super().step(actions)
+
+    def reward(self, agent: Any) -> Any:
+        """What arrives."""
+        return self.kind(self.arrived[agent])
+
+    def view(self, agent: Any) -> Any:
+        """What is on its way."""
+        return np.array(self.belts[agent])
+
+
 HABITS: dict[str, Any] = {
     "coerces_actions": Coerces,
     "refuses_by_its_own_exception_after_a_draw": Refuses,
@@ -359,4 +383,5 @@ HABITS: dict[str, Any] = {
     "keeps_spaces_for_the_class": OfTheClass,
     "copies_with_other_generators": Copied,
     "blinks": Blinks,
+    "pays_when_goods_arrive": Belt,
 }

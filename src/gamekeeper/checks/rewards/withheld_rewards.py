@@ -96,8 +96,9 @@ def rewards_are_not_held_back(contract: Contract, evidence: ProbeEvidence) -> Ca
     of these is seen: no action moved any reward of its own step, nine of ten (ten at least) moved
     one just the same number of steps later first; so many steps at the beginning of every episode
     pay nobody, and of all others 90 % pay somebody; the observation after the step shows what was
-    done; and no number of it moves for the first time when the reward does, as it would where
-    goods that are paid arrive then.
+    done; no number of it moves for the first time when the reward does, as it would where
+    goods that are paid arrive then; and none waits with it, different until the reward is paid
+    and no more after that, as that of goods on their way.
 
     Bad: `self.due.append(rewards); return self.due.pop(0)`.
 
@@ -155,22 +156,42 @@ def _begins_unpaid(evidence: ProbeEvidence, late: int) -> bool:
 
 
 def _shows_at_once(trials: list[ProbeCounterfactual], late: int) -> bool:
-    """Tells whether observations show an action at once, and nothing new where it is paid."""
-    prompt, new = 0, Counter[int]()
+    """Tells whether observations show an action at once, and neither its payment nor the wait."""
+    prompt, new, awaited = 0, Counter[int](), Counter[int]()
     at_once = set[int]()
     for trial in trials:
-        start = int(trial.change["turn"])
-        base, changed = by_turn(trial.base, start), by_turn(trial.episode, start)
-        moved = []
-        for turn in range(start + 1, start + late + 2):
-            one, two = (each[turn].observations if turn in each else {} for each in (base, changed))
-            names = one.keys() & two.keys()
-            moved.append({at for name in names for at in changed_numbers(one[name], two[name])})
+        by_agent = _moved_numbers(trial, late)
+        moved = [set().union(*each.values()) for each in by_agent]
         prompt += bool(moved[0])
         at_once |= set().union(*moved[:late])
         new.update(moved[late] - set().union(*moved[:late]))
-    is_new = any(n >= STEADY * len(trials) / 2 for place, n in new.items() if place not in at_once)
-    return prompt >= STEADY * len(trials) and not is_new
+        awaited.update(_until_paid(by_agent[:late], by_agent[late]))
+    least = STEADY * len(trials) / 2
+    is_new = any(n >= least for place, n in new.items() if place not in at_once)
+    is_awaited = any(n >= least for n in awaited.values())
+    return prompt >= STEADY * len(trials) and not is_new and not is_awaited
+
+
+def _moved_numbers(trial: ProbeCounterfactual, late: int) -> list[dict[str, frozenset[int]]]:
+    """Numbers that a replaced action moved, by agent: after its step, up to the one that pays."""
+    start = int(trial.change["turn"])
+    base, changed = by_turn(trial.base, start), by_turn(trial.episode, start)
+    moved = []
+    for turn in range(start + 1, start + late + 2):
+        one, two = (each[turn].observations if turn in each else {} for each in (base, changed))
+        names = one.keys() & two.keys()
+        moved.append({name: changed_numbers(one[name], two[name]) for name in names})
+    return moved
+
+
+def _until_paid(
+    before: list[dict[str, frozenset[int]]], paid: dict[str, frozenset[int]]
+) -> set[int]:
+    """Numbers that differ up to the step that pays and no more after it, as goods on their way."""
+    found = set[int]()
+    for name, after in paid.items():
+        found |= next((each[name] for each in before[::-1] if name in each), after) - after
+    return found
 
 
 def _proof(api: str, trial: ProbeCounterfactual, late: int) -> Reproducer:
