@@ -359,6 +359,59 @@ class Belt(Valley):
         return np.array(self.belts[agent])
 
 
+class Market(Valley):
+    """Pays what shares gain by a price that is drawn in the tick, before any are bought."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Some shares each, and a price of 0."""
+        self.shares = {a: float(place) for place, a in enumerate(self.possible_agents)}
+        self.price = 0.0
+        return super().reset(seed, options)
+
+    def step(self, actions: dict[Any, Any]) -> Any:
+        """The price moves first."""
+        rise = float(self.rng.normal())
+        self.price += rise
+        self.gains = {a: each * rise for a, each in self.shares.items()}
+        for agent, action in actions.items():
+            self.shares[agent] += float(action) - 1.0
+        return super().step(actions)
+
+    def reward(self, agent: Any) -> Any:
+        """What its shares gained."""
+        return self.kind(self.gains[agent])
+
+    def view(self, agent: Any) -> Any:
+        """Its shares and their price."""
+        return np.array([self.shares[agent], self.price])
+
+
+class Lottery(Valley):
+    """Now and then a draw pays for all tickets, which stay valid."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """One ticket each."""
+        self.tickets = dict.fromkeys(self.possible_agents, 1.0)
+        self.paid = 0.0
+        return super().reset(seed, options)
+
+    def step(self, actions: dict[Any, Any]) -> Any:
+        """The draw comes before the sale."""
+        self.paid = 1.0 if self.rng.random() < 0.1 else 0.0
+        self.won = {a: self.paid * min(each, 3.0) for a, each in self.tickets.items()}
+        for agent, action in actions.items():
+            self.tickets[agent] += float(int(action) == 0)
+        return super().step(actions)
+
+    def reward(self, agent: Any) -> Any:
+        """What its tickets won."""
+        return self.kind(self.won[agent])
+
+    def view(self, agent: Any) -> Any:
+        """Its tickets, and whether there was a draw."""
+        return np.array([self.tickets[agent], self.paid])
+
+
 HABITS: dict[str, Any] = {
     "coerces_actions": Coerces,
     "refuses_by_its_own_exception_after_a_draw": Refuses,
@@ -384,4 +437,5 @@ HABITS: dict[str, Any] = {
     "copies_with_other_generators": Copied,
     "blinks": Blinks,
     "pays_when_goods_arrive": Belt,
+    "pays_by_a_price_drawn_later": Market,
 }

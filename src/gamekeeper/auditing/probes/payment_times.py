@@ -13,13 +13,14 @@ from gamekeeper.auditing.probes.replaced_actions import (
     other,
     others,
     own_name,
+    redrawn,
     short_plays,
 )
 from gamekeeper.checks.effects import changed_numbers
 from gamekeeper.checks.facts.episode_facts import PaymentTime
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.interface.generators import generators, is_same_state, state_of
-from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, StepHook
 from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
 from gamekeeper.rollouts.process_randomness import held
 
@@ -37,7 +38,8 @@ def payment_times(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     A reward is looked into that lies far from what its agent gets in most steps. If no
     agent's alternative in its own tick changes it, alternatives of the tick before are tried. One
-    that makes the environment draw more or fewer random numbers decides nothing.
+    that makes the environment draw more or fewer random numbers decides nothing, nor does any where
+    other draws in its own tick change the payment.
 
     Facts:
         `PaymentTime`.
@@ -87,11 +89,15 @@ class _Replay:
 
 
 def _replayed(
-    session: ProbeSession, env: Any, plan: EpisodePlan, change: ReplacedAction | None = None
+    session: ProbeSession,
+    env: Any,
+    plan: EpisodePlan,
+    change: ReplacedAction | None = None,
+    watch: StepHook | None = None,
 ) -> _Replay | None:
     """The episode once more, with one action replaced; None where it failed."""
     with held():
-        played = session.play(plan, env, change=change, hold=False, state=False)
+        played = session.play(plan, env, change=change, watch=watch, hold=False, state=False)
         drawn = [state_of(each) for each in generators(env)]
     if played.failed is not None:
         return None
@@ -130,6 +136,9 @@ def _timed(
             for name in {*one.turns[at].rewards, *two.turns[at].rewards}
         )
         if is_moved and not at_once and _drew_alike(one, two):
+            three = _replayed(session, env, plan, watch=redrawn(paid))
+            if three is None or abs(three.reward(paid, payee) - one.reward(paid, payee)) >= enough:
+                return PaymentTime(payee, amount, tuple(tried), is_on_time=three is not None)
             shown, after = (
                 changed_numbers(*(each.observed(payee, at) for each in (one, two)))
                 for at in (then, paid)

@@ -12,13 +12,16 @@ from gymnasium.spaces import Discrete
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import cut, legal, other_action
-from gamekeeper.checks.facts.episode_facts import MoverTrial, Payment
+from gamekeeper.checks.effects import by_turn
+from gamekeeper.checks.facts.episode_facts import LateEffect, MoverTrial, Payment
+from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.checks.rounds import movers
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.layout import agent_name
-from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, StepHook
 from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
+from gamekeeper.rollouts.process_randomness import reseed
 
 LENGTHS: Final = (8, 14, 24, 40)
 """Turns of the episodes, over and over: short ones are cheap, in long ones the middle is seen."""
@@ -47,7 +50,11 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     through the random stream. Later actions are scripted, so no policy carries an effect on.
 
     A counterfactual for each replaced action, cut a few turns after it; their unchanged rerun is
-    one and the same.
+    one and the same. The first that moves a late reward alone is played again under other random
+    draws.
+
+    Facts:
+        `LateEffect`.
     """
     env = session.env()
     base = session.play(play, env, state=False)
@@ -58,7 +65,7 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     if session.divergence(base.episode, unchanged_rerun.episode) is not None:
         session.unlike[:] = session.unlike or [base.play]
     step = max(len(spots) // TRIALS, 1)
-    offset = play.stream % step
+    offset, is_late = play.stream % step, False
     for place, turn in enumerate(spots[offset::step][: TRIALS + 1]):
         acted = movers(turn)
         agent = acted[(place + play.stream) % len(acted)]
@@ -71,10 +78,61 @@ def influence(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         trial = replace(base, play=cut(base.play, turn.index + 1 + later + (session.api == "aec")))
         change = ReplacedAction(turn.index, own_name(base, agent), action)
         counterfactual = session.counterfactual(trial, unchanged_rerun, change, env, state=False)
+        late = None if is_late else _late_step(counterfactual, turn.index, agent)
+        if late is not None:
+            is_late = True
+            is_drawn = _is_drawn(session, env, trial.play, counterfactual, change, late)
+            yield session.fact(LateEffect(late, is_drawn), turn=late)
         legal_for = _legal_for(session, counterfactual.episode, turn.index, later)
         yield replace(
             counterfactual, change={**counterfactual.change, "agent": agent, "later": legal_for}
         )
+
+
+def _late_step(counterfactual: ProbeCounterfactual, start: int, agent: str) -> int | None:
+    """The first step that pays differently, if its agent's next turn isn't after it."""
+    has_acted = False
+    pairs = zip(counterfactual.base.turns, counterfactual.episode.turns, strict=False)
+    for one, two in islice(pairs, start, None):
+        has_acted = has_acted or (one.index > start and agent in movers(one))
+        if not (one.order and two.order):
+            return None
+        if dict(one.rewards) != dict(two.rewards):
+            return one.index if has_acted else None
+    return None
+
+
+def _is_drawn(
+    session: ProbeSession,
+    env: Any,
+    plan: EpisodePlan,
+    recorded: ProbeCounterfactual,
+    change: ReplacedAction,
+    step: int,
+) -> bool:
+    """Tells whether the action is worth something else under other draws in the step that pays."""
+    one, two = (
+        session.play(cut(plan, step + 1), env, change=each, watch=redrawn(step), state=False)
+        for each in (None, change)
+    )
+    episodes = (recorded.base, recorded.episode, one.episode, two.episode)
+    paid = [by_turn(each, step, step + 1) for each in episodes]
+    if not all(paid):
+        return False
+    rewards = [dict(turns[step].rewards) for turns in paid]
+    names = sorted({name for each in rewards for name in each})
+    table = np.array([[each.get(name, 0.0) for name in names] for each in rewards])
+    return not np.allclose(table[1] - table[0], table[3] - table[2])
+
+
+def redrawn(step: int) -> StepHook:
+    """Gives every generator another future before a step."""
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        if turn == step:
+            reseed(env, 1)
+
+    return watch
 
 
 def _legal_for(session: ProbeSession, episode: Episode, start: int, later: int) -> int:

@@ -127,7 +127,7 @@ class PaymentTime:
     Attributes:
         amount: paid beyond what the agent gets in most steps.
         tried: turn, agent and action of each alternative in the tick of the payment.
-        is_on_time: the last of these changes the payment.
+        is_on_time: the last of these changes the payment, or other random draws in its tick do.
         decided: turn, agent and action of one in the tick before that changes it, where none of
             the payment's own tick does; None: none was found.
         shown: numbers of the payee's next observation that this one moves.
@@ -141,6 +141,19 @@ class PaymentTime:
     decided: tuple[int, str, Any] | None = None
     shown: frozenset[int] = frozenset()
     after: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class LateEffect:
+    """A replaced action that moves no reward before its agent's next turn, and one from there on.
+
+    Attributes:
+        step: the first that pays differently.
+        is_drawn: under other random draws in that step it pays differently by another amount.
+    """
+
+    step: int
+    is_drawn: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from typing import Any, Final
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import by_turn, changed_numbers
-from gamekeeper.checks.facts.episode_facts import PaymentTime
+from gamekeeper.checks.facts.episode_facts import LateEffect, PaymentTime
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeCounterfactual, ProbeEvidence
 from gamekeeper.contract import Contract
@@ -22,6 +22,8 @@ PART_LEAST = 10
 """The same where some rewards come at once: the rest must be seen to be late more often."""
 PART = 0.5
 """Part of all that shows at once that moves the next reward; of a sparse one it is a tenth."""
+DRAWN = 0.5
+"""Part of the late effects that may hang on draws of the step that pays: some events do."""
 RARE_LEAST = 4
 """Payments of one size that must be seen to be late, and none on time."""
 ALIKE = 1.3
@@ -82,7 +84,7 @@ def rewards_come_with_the_tick_that_earns_them(
     behind as steadily (a position that follows a velocity does: then the rules are slow, not the
     reward); and the first step, before any action could matter, already pays different amounts. A
     game whose events take a tick by its rules shows them a tick later too, or pays the same
-    at first, so it isn't called broken; a false alarm needs all five to agree by chance.
+    at first, so it isn't called broken; a false alarm needs all six to agree by chance.
 
     Each term that a Parallel environment tells (`terms`) is judged by itself. Where it tells none,
     a part that comes late beside another on time is known by what moves it: at least ten actions,
@@ -115,6 +117,12 @@ def rewards_come_with_the_tick_that_earns_them(
         yield from _rare(evidence.api, alike)
 
 
+def hang_on_later_draws(evidence: ProbeEvidence) -> bool:
+    """Tells whether most late effects of actions are worth what is drawn in the step that pays."""
+    drawn = [fact.value.is_drawn for fact in evidence.facts(LateEffect)]
+    return sum(drawn) > DRAWN * len(drawn)
+
+
 def _parts(evidence: ProbeEvidence) -> tuple[str | None, ...]:
     """The reward terms that a Parallel environment tells; None stands for the whole reward."""
     if evidence.api != "parallel":
@@ -139,6 +147,7 @@ def _judged(evidence: ProbeEvidence, part: str | None) -> Cases:
         and (_is_whole_late if not at_once else _is_part_late)(trials)
         and sum(bool(trial.prompt) for trial in next_one) >= PROMPT * len(next_one)
         and not _lagging(trials)
+        and not hang_on_later_draws(evidence)
         and _pays_different_amounts_at_first(evidence, part)
     )
     for trial in at_once:

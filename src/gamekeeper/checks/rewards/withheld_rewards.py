@@ -10,6 +10,7 @@ from gamekeeper.checks.check import MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import by_turn, changed_numbers
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
+from gamekeeper.checks.rewards.reward_delay import hang_on_later_draws
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
 
@@ -97,8 +98,9 @@ def rewards_are_not_held_back(contract: Contract, evidence: ProbeEvidence) -> Ca
     one just the same number of steps later first; so many steps at the beginning of every episode
     pay nobody, and of all others 90 % pay somebody; the observation after the step shows what was
     done; no number of it moves for the first time when the reward does, as it would where
-    goods that are paid arrive then; and none waits with it, different until the reward is paid
-    and no more after that, as that of goods on their way.
+    goods that are paid arrive then; none waits with it, different until the reward is paid and no
+    more after that, as that of goods on their way; and other draws in the step that pays don't
+    change what the action is worth, as they do on a market.
 
     Bad: `self.due.append(rewards); return self.due.pop(0)`.
 
@@ -115,6 +117,7 @@ def rewards_are_not_held_back(contract: Contract, evidence: ProbeEvidence) -> Ca
         0 < late <= MOST_LATE
         and min(lag for _, lag in moved) == late
         and count >= STEADY * len(moved)
+        and not hang_on_later_draws(evidence)
         and _begins_unpaid(evidence, late)
         and _shows_at_once([each for each, lag in moved if lag == late], late)
     )
