@@ -10,6 +10,7 @@ from tests.auditing.kept_workers import keep_workers
 
 CONFIRMED = {
     "tests.auditing.test_confirmation": 5,
+    "tests.auditing.test_linked_causes": 1,
     "tests.auditing.test_readings": 1,
     "tests.auditing.test_seeds": 1,
 }

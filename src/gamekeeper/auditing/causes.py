@@ -12,6 +12,7 @@ from gamekeeper.auditing.draw_holds import (
 from gamekeeper.auditing.holds import (
     Hold,
     actions_held,
+    bounds_held,
     classes_held,
     contents_held,
     copies_held,
@@ -93,6 +94,9 @@ HOLDS: Final = {
         "entries of agents that aren't live deleted",
         entries_held,
         ("GK221", "GK402", "GK403", "GK407", "GK520", "GK527"),
+    ),
+    "GK214": Hold(
+        "what is observed beyond a bound set to the bound", bounds_held, ("GK802", "GK813")
     ),
     "GK833": Hold("attributes emptied at each reset", contents_held, ("GK832",)),
     "GK311": Hold("actions in the order of possible_agents", orders_held, ("GK312",)),

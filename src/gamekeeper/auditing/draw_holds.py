@@ -19,6 +19,7 @@ from gamekeeper.auditing.holds import (
     own_generators,
     put_global_states,
     with_class,
+    with_methods,
 )
 
 
@@ -172,11 +173,28 @@ def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def spaces_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Seeds the spaces of all possible agents at each reset."""
+    """Seeds the spaces of all possible agents at each reset.
+
+    A copy that the environment makes itself has spaces that go on from where its own stand.
+    """
+
+    def spaces_of(env: Any) -> list[Any]:
+        names = "observation_space", "action_space"
+        return [getattr(env, name)(agent) for agent in env.possible_agents for name in names]
 
     def seed(env: Any) -> None:
-        for agent in env.possible_agents:
-            env.observation_space(agent).seed(0)
-            env.action_space(agent).seed(0)
+        for each in spaces_of(env):
+            each.seed(0)
 
-    return before_resets(make, seed)
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def duplicate(self: Any, memo: Any) -> Any:
+            stood = [each.bit_generator.state for each in own_generators(spaces_of(self))]
+            other = cls.__deepcopy__(self, memo)
+            seed(other)  # a space has no generator before it is asked for one
+            for each, state in zip(own_generators(spaces_of(other)), stood, strict=False):
+                each.bit_generator.state = state
+            return other
+
+        return {"__deepcopy__": duplicate} if hasattr(cls, "__deepcopy__") else {}
+
+    return with_methods(before_resets(make, seed), methods)

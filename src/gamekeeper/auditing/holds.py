@@ -379,16 +379,81 @@ def missing_held(make: Callable[[], Any]) -> Callable[[], Any]:
     names = "rewards", "terminations", "truncations", "infos", "_cumulative_rewards"
     values: Any = 0.0, False, False, {}, 0.0
 
+    def book_of(env: Any, name: str) -> Any:
+        return getattr(env, name) if hasattr(env, name) else vars(env).setdefault(name, {})
+
     def changed(env: Any, out: Any, before: Any) -> Any:
         if isinstance(out, tuple) and len(out) == 5:
             books, agents = list(out[1:]), (*env.agents, *before)
         elif hasattr(type(env), "agent_iter"):
-            books, agents = [env.__dict__.setdefault(name, {}) for name in names], env.agents
+            books, agents = [book_of(env, name) for name in names], env.agents
         else:
             return out
         for book, value in zip(books, values, strict=False):
             for agent in agents:
                 book.setdefault(agent, copy.copy(value))
+        return out
+
+    return _with_outputs(make, changed)
+
+
+def containers_of(root: Any) -> Iterator[Any]:
+    """Dictionaries, lists and arrays that an environment keeps; spaces, whose bounds stay, not."""
+    seen: dict[int, Any] = {}
+    waiting = [vars(root)]
+    while waiting and len(seen) < 100_000:
+        each = waiting.pop()
+        if id(each) in seen or isinstance(each, type) or hasattr(each, "contains"):
+            continue
+        seen[id(each)] = each
+        if isinstance(each, dict | list | np.ndarray):
+            yield each
+        if isinstance(each, dict):
+            waiting += each.values()
+        elif isinstance(each, list | tuple | set | collections.deque):
+            waiting += each
+        elif not inspect.isroutine(each) and not inspect.ismodule(each):
+            waiting += [vars(each)] if hasattr(each, "__dict__") else []
+
+
+def set_in(container: Any, value: Any, bound: Any) -> None:
+    """Puts the bound where a container has a number that was observed as `value`."""
+    is_whole = isinstance(value, np.integer)
+    if isinstance(container, np.ndarray):
+        if container.dtype.kind in "iuf" and container.flags.writeable:
+            container[(container if is_whole else container.astype(type(value))) == value] = bound
+        return
+    places = list(container.items() if isinstance(container, dict) else enumerate(container))
+    for key, each in places:
+        is_number = isinstance(each, int | float | np.number) and not isinstance(each, bool)
+        if is_number and (each if is_whole else type(value)(each)) == value:
+            container[key] = type(each)(bound)
+
+
+def bounds_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Sets what agents observe beyond a bound to the bound, where the environment keeps it."""
+
+    def outside(space: Any, value: Any) -> Iterator[Any]:
+        if hasattr(space, "spaces"):
+            keys = space.spaces if isinstance(space.spaces, dict) else range(len(space.spaces))
+            for key in keys:
+                yield from outside(space[key], value[key])
+        elif hasattr(space, "low"):
+            bounds = np.clip(value, space.low, space.high)
+            for each, bound in zip(np.ravel(value), np.ravel(bounds), strict=True):
+                if each != bound:
+                    yield each, bound
+
+    def changed(env: Any, out: Any, before: Any) -> Any:
+        if out is None:
+            look = left_alone(type(env).observe)
+            seen = {agent: look(env, agent) for agent in env.agents}
+        else:
+            seen = out[0]
+        for agent, observation in seen.items():
+            for value, bound in list(outside(env.observation_space(agent), observation)):
+                for container in list(containers_of(env.unwrapped)):
+                    set_in(container, value, bound)
         return out
 
     return _with_outputs(make, changed)

@@ -1,0 +1,95 @@
+"""Environments with one fault that several checks see, and one with two that look alike."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
+
+from tests.faults.rovers import Rovers
+from tests.faults.tokens import Tokens
+
+
+class Overfull(Rovers):
+    """A battery is charged beyond what is declared: agents see it, state() and frames show it."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Half full."""
+        self.charge = dict.fromkeys(self.possible_agents, 0.5)
+        return super().reset(seed, options)
+
+    def drive(self, agent: str, action: int) -> None:
+        """Charges on the way."""
+        super().drive(agent, action)
+        self.charge[agent] += 0.3 * (action == 1)
+
+    def observation(self, agent: str) -> Any:
+        """With the own charge."""
+        seen = super().observation(agent)
+        seen[-1] = self.charge[agent]
+        return seen
+
+    def state(self) -> Any:
+        """With the charge of the first one."""
+        value = super().state()
+        value[0] = self.charge[self.possible_agents[0]]
+        return value
+
+    def render(self) -> Any:
+        """Raises where a charge is no shade."""
+        frame = super().render()
+        if frame is not None:
+            frame[0, 0] = int(200 * max(self.charge.values()))
+        return frame
+
+
+class OverfullAndLate(Overfull):
+    """Beside it, state() has a clock beyond its bound, and no frame shows a late tick."""
+
+    def state(self) -> Any:
+        """With the time, which is declared to be less."""
+        value = super().state()
+        value[0] = self.time / 10
+        return value
+
+    def render(self) -> Any:
+        """Raises after ten ticks."""
+        frame = Rovers.render(self)
+        if frame is not None:
+            frame[0, 0] = 26 * self.time
+        return frame
+
+
+class Unpaid(Tokens):
+    """The entry of the loser in `rewards` is gone before its last turn, whose step reads it."""
+
+    def step(self, action: Any) -> None:
+        """Deletes it."""
+        other = next(each for each in self.possible_agents if each != self.agent_selection)
+        was_over = any(self.terminations.values())
+        super().step(action)
+        if not was_over and any(self.terminations.values()):
+            del self.rewards[other]
+
+
+def unpaid() -> Any:
+    """In a wrapper, through which the books are read."""
+    return OrderEnforcingWrapper(Unpaid())
+
+
+class DrawsOfSpaces(Rovers):
+    """Wind is drawn from an action space, which a copy has anew."""
+
+    def drive(self, agent: str, action: int) -> None:
+        """The wind moves a rover."""
+        super().drive(agent, int(self.action_space(agent).sample()))
+
+    def __deepcopy__(self, memo: Any) -> Any:
+        """All but the spaces, which are no state."""
+        other = type(self)(self.count, self.horizon, self.render_mode)
+        memo[id(self)] = other
+        for name, value in vars(self).items():
+            if name not in ("_seen", "_done"):
+                setattr(other, name, copy.deepcopy(value, memo))
+        return other

@@ -1,0 +1,92 @@
+"""One fault has one cause: what else it breaks passes once it is held still, and nothing else."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Dict, Tuple
+
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.audit_process import audit
+from gamekeeper.auditing.holds import bounds_held, containers_of, set_in
+
+GAMES = "tests.auditing.linked_games"
+
+
+@pytest.mark.parametrize(
+    ("game", "causes"),
+    [
+        ("Overfull", {"GK214": None, "GK802": "GK214", "GK813": "GK214"}),
+        ("OverfullAndLate", {"GK214": None, "GK802": None, "GK813": None}),
+        ("unpaid", {"GK107": None, "GK527": "GK107"}),
+    ],
+)
+def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:
+    """Its consequences name it; what fails by itself stays a cause."""
+    found = audit_here(f"{GAMES}:{game}", select=tuple(causes), budget=1_000)
+    named = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
+    assert named == causes
+
+
+def test_copy_has_spaces_that_go_on_as_those_of_its_original() -> None:
+    """In a process of its own, where spaces draw as they do for a user."""
+    select = "GK601", "GK604", "GK638", "GK701"
+    found = audit(f"{GAMES}:DrawsOfSpaces", select=select, budget=1_000)
+    named = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
+    assert named == {"GK601": "GK638", "GK604": "GK638", "GK638": None, "GK701": "GK638"}
+
+
+def test_number_beyond_a_bound_is_set_wherever_it_is_kept() -> None:
+    """In dictionaries, lists and arrays of any depth; flags and the spaces' own bounds stay."""
+    box = Box(0, 1, (2,), np.float32)
+    kept: dict[str, Any] = {
+        "a": [1.3, True, {"b": np.array([1.3, 0.2])}, (np.array([1.3], np.float32),)],
+        "space": SimpleNamespace(contains=None, high=[1.3]),
+        "own": SimpleNamespace(x=1.3, y=1),
+    }
+    env = SimpleNamespace(**kept)
+    for container in list(containers_of(env)):
+        set_in(container, np.float32(1.3), box.high[0])
+    assert (env.a[0], env.a[1], env.own.x, env.own.y) == (1.0, True, 1.0, 1)
+    np.testing.assert_array_equal([1.0, 0.2], env.a[2]["b"])
+    assert env.a[3][0] == 1.0
+    assert env.space.high == [1.3]
+
+
+def test_whole_number_is_compared_as_it_is() -> None:
+    """One that wraps around in the dtype of an observation is another number."""
+    kept = [260, 4, 4.0, True, np.array([260, 4])]
+    for container in (kept, kept[-1]):
+        set_in(container, np.int8(4), np.int8(3))
+    assert kept[:4] == [260, 3, 3.0, True]
+    np.testing.assert_array_equal([260, 3], kept[4])
+
+
+def test_parts_of_a_nested_observation_are_looked_at() -> None:
+    """Each part beside its own space."""
+
+    class Nested:
+        agents = ("a",)
+        level = 2.5
+
+        def observation_space(self, agent: str) -> Any:
+            return Dict(x=Tuple([Box(0, 1, (1,), np.float64), Box(0, 9, (1,), np.float64)]))
+
+        def reset(self) -> Any:
+            level = np.array([self.level])
+            return {"a": {"x": (level, level)}}, {}
+
+        def step(self, actions: Any) -> Any:
+            return (*self.reset(), {})
+
+        @property
+        def unwrapped(self) -> Any:
+            return self
+
+    env = bounds_held(Nested)()
+    env.level = 2.5
+    env.reset()
+    assert env.level == 1.0
