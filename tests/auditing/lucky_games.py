@@ -94,6 +94,28 @@ class Written(Unseeded):
         return {**seen, "b": self.at.copy()}, *rest
 
 
+class AddsToItsOriginal(Sound):
+    """A function of its own adds to what stands in `last`, which no call of this API hides.
+
+    A copy has its original's function.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.last = 0.0
+        self.add = lambda value: setattr(self, "last", self.last + value)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Begins at zero."""
+        self.last = 0.0
+        return super().reset(seed, options)
+
+    def seen(self) -> Any:
+        """Adds what comes up."""
+        self.add(float(self.rng.random()) / 40)
+        return np.array([0.5, self.last])
+
+
 class Slips(Sound):
     """One observation in ten hangs on a generator that nobody seeded."""
 

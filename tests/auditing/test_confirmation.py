@@ -172,6 +172,15 @@ def test_consequence_names_the_cause_that_was_held_still() -> None:
     assert not found.ok
 
 
+def test_an_attribute_called_last_makes_no_aec_environment_of_one() -> None:
+    """A program plays by the calls of its API, whatever names stand in the environment."""
+    found = audited("AddsToItsOriginal", "GK70")
+    assert [each.id for each in found.failed] == ["GK701", "GK702"]
+    follows = found.of("GK702").follows_from
+    assert follows is not None
+    assert follows.id == "GK701"
+
+
 def test_what_the_first_play_leaves_to_all_instances_is_shared_state() -> None:
     """Plays of this process are alike; those of new processes are too, but for the first one."""
     found = audited("Remembers", "GK607", "GK608")

@@ -168,8 +168,13 @@ def test_an_end_without_any_flag_is_told_once(lost: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize("paid", [None, 0.0, 0.25])
-def test_a_late_joiner_is_only_owed_a_view(paid: float | None) -> None:
-    """An agent that joins in a step needs an observation; it may be paid in it, and need not."""
+@pytest.mark.parametrize(
+    ("flags", "ids"), [((2, 3), set()), ((), {"GK107"}), ((2,), {"GK107"}), ((3,), {"GK107"})]
+)
+def test_a_late_joiner_is_owed_a_view_and_flags(
+    flags: tuple[int, ...], ids: set[str], paid: float | None
+) -> None:
+    """An agent that joins in a step isn't ended, and so told; it may be paid, and need not."""
 
     class Joining(Counting):
         def reset(self, seed: int | None = None, options: Any = None) -> Any:
@@ -182,11 +187,13 @@ def test_a_late_joiner_is_only_owed_a_view(paid: float | None) -> None:
             if self.tick == 2 and out[0]:
                 self.agents.append("c")
                 out[0]["c"] = 2
+                for part in flags:
+                    out[part]["c"] = False
                 if paid is not None:
                     out[1]["c"] = paid
             return out
 
-    assert broken(Joining) == set()
+    assert broken(Joining) == ids
 
 
 def test_words_of_the_gone_are_found() -> None:

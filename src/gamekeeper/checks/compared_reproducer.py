@@ -46,6 +46,10 @@ def story(meddle):
             told.append(dict(env.rewards))
 {next}    return told
 '''
+_EARLY = """\
+        for _ in range(1 + len(told) // 2 % 2):
+            meddle(env, None)
+"""
 _NEXT = {
     "parallel": "    told.append(copy.deepcopy(env.reset()))\n",
     "aec": "    env.reset()\n"
@@ -75,12 +79,13 @@ def story_proof(
         idle: what stands there in the episode that it is compared with.
         first: lines before all others.
         infos: in an AEC environment, whether infos are compared too.
-        early: in an AEC environment, meddle before `last()` too, not only before `step`.
+        early: in an AEC environment, meddle before `last()` too, at every second turn twice, not
+            only before `step`.
         is_next: what the next reset gives, without a seed, is compared too.
     """
     told = _PARALLEL
     if api == "aec":
-        before = "        meddle(env, None)\n" if early else ""
+        before = _EARLY if early else ""
         told = _AEC.replace("{part}", "" if infos else "[:4]").replace("{early}", before)
     told = told.replace("{next}", _NEXT[api] if is_next else "")
     lines = (

@@ -23,7 +23,7 @@ def begin(make: Callable[[], Any], seed: int) -> Any:
 
 def step(env: Any, action: Any) -> Any:
     """Makes a step; in an AEC environment its agent calls last() first."""
-    if hasattr(env, "last"):
+    if hasattr(env, "agent_iter"):
         env.last()
     return env.step(action)
 
@@ -32,7 +32,7 @@ def go(env: Any, actions: Sequence[Any]) -> list[Any]:
     """All that the steps of an environment give."""
     seen = []
     for action in copy.deepcopy(actions):
-        if hasattr(env, "last"):
+        if hasattr(env, "agent_iter"):
             seen.append((env.agent_selection, copy.deepcopy(env.last())))
         seen.append(copy.deepcopy(env.step(action)))
         seen.append((copy.deepcopy(getattr(env, "rewards", None)), state_of(env)))
@@ -54,7 +54,7 @@ def gives(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> list[An
     env, seen = begin(make, seed), []
     for action in copy.deepcopy(actions):
         try:
-            if hasattr(env, "last"):
+            if hasattr(env, "agent_iter"):
                 seen.append((env.agent_selection, copy.deepcopy(env.last()[:4])))
                 env.step(action)
                 seen.append(copy.deepcopy(env.rewards))
@@ -126,15 +126,15 @@ def story(make: Callable[[], Any], seed: int, actions: Sequence[Any], *, meddles
     env = make()
     told = [copy.deepcopy(env.reset(seed=seed))]
     for action in copy.deepcopy(actions):
-        if hasattr(env, "last"):
+        if hasattr(env, "agent_iter"):
             told.append((env.agent_selection, copy.deepcopy(env.last())))
         told.append(copy.deepcopy(env.step(action)))
         told.append(copy.deepcopy(getattr(env, "rewards", None)))
         if meddles:
             overwrite(action)
-            if not hasattr(env, "last"):
+            if not hasattr(env, "agent_iter"):
                 action.clear()
-    if env.agents and hasattr(env, "last"):
+    if env.agents and hasattr(env, "agent_iter"):
         told.append(copy.deepcopy(env.last()))
     return told
 
@@ -412,7 +412,7 @@ def fares(make: Callable[[], Any], agents: Sequence[str], seed: int) -> Any:
     found = {a: [0.0, 0.0] for a in agents if a in env.agents}
     for place, agent in enumerate(env.agents):
         env.action_space(agent).seed(1000 * seed + place)
-    if hasattr(env, "last"):
+    if hasattr(env, "agent_iter"):
         for agent in env.agent_iter(1000):
             observation, _, terminated, truncated, info = env.last()
             ended = terminated or truncated
@@ -421,7 +421,7 @@ def fares(make: Callable[[], Any], agents: Sequence[str], seed: int) -> Any:
                 found[each][0] += env.rewards.get(each, 0.0)
             if agent in found and not ended:
                 found[agent][1] += 1
-    for _ in range(0 if hasattr(env, "last") else 200):
+    for _ in range(0 if hasattr(env, "agent_iter") else 200):
         if not env.agents:
             break
         actions = {a: choice(env, a, out[0].get(a), out[-1].get(a)) for a in env.agents}
@@ -516,7 +516,7 @@ def reset_forgets(env: Any, seed: int, actions: Sequence[Any], make: Callable[[]
         env.step(actions[0])
     fresh = make()
     expected, seen = fresh.reset(seed=seed), env.reset(seed=seed)
-    if hasattr(env, "last"):
+    if hasattr(env, "agent_iter"):
         np.testing.assert_equal(env.last()[0], fresh.last()[0])
     else:
         np.testing.assert_equal(seen[0], expected[0])

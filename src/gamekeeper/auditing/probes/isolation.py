@@ -98,9 +98,17 @@ def generators(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
 APART: Final = 500
 """Distance of the other instance's seed from that of the episode."""
+BESIDE: Final = 8
+"""Plays beside another instance, within the ration."""
 
 
-@probe("alternated", share=1.0, plays=lambda session: session.plays(2, runs=4), fresh=True)
+def _alternated_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
+    """Two that fill the ration, and more where these end early: some share what comes up late."""
+    first = list(session.plays(2, runs=4))
+    return session.plays_of([first[0].most_turns] * BESIDE)
+
+
+@probe("alternated", share=1.0, plays=_alternated_plays, fresh=True)
 def alternated(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """An episode while another instance is built, reset and stepped in between.
 

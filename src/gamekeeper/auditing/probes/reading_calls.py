@@ -21,7 +21,7 @@ RESETS: Final = 12
 
 
 @probe(
-    "extra_calls", share=1.0, plays=lambda session: session.long_plays(3, runs=7, most_turns=200)
+    "extra_calls", share=1.0, plays=lambda session: session.long_plays(6, runs=7, most_turns=200)
 )
 def extra_calls(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Calls that should only read, made more often: does the episode change?

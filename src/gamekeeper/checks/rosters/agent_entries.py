@@ -184,7 +184,8 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
     """Every agent in `agents` is given an observation, a reward and both flags, at every step.
 
     An agent without an observation can't choose an action, and one without a reward or a flag
-    makes learners raise KeyError or shift their batches by a step.
+    makes learners raise KeyError or shift their batches by a step. One that joins in a step
+    needs no reward of it.
 
     Bad: `observations = {a: see(a) for a in moved}`: who waited is told nothing.
 
@@ -217,11 +218,14 @@ def _misshapen(evidence: ProbeEvidence) -> set[bool]:
 
 
 def _owed(each: TurnEntries, agent: str) -> list[str]:
-    """Parts that a live agent should have; one that has just joined needs only an observation."""
+    """Parts that a live agent should have; one that has just joined was paid for nothing yet.
+
+    Source: PettingZoo's parallel_api_test, which reads both flags of every agent in `agents`.
+    """
     if agent not in each.turn.live:
         return []
     has_joined = each.turn.index and agent not in each.before
-    owed = {"obs"} if has_joined else each.all_parts - {"info"}
+    owed = each.all_parts - {"info", "cumulative_reward" if has_joined else "info"}
     return sorted(each.missing[agent] & owed)
 
 

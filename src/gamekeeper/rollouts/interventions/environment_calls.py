@@ -57,7 +57,8 @@ CALLS: Final[dict[str, Callable[[Any], None]]] = {
 class ExtraCalls(Intervention):
     """Makes calls that should only read after the reset and every step.
 
-    In an AEC environment, also between `last()` and the step.
+    In an AEC environment, also between `last()` and the step, and once more at every second turn:
+    of calls that turn something on and off again, an even number shows nothing.
 
     Attributes:
         calls: kinds of `CALLS`; what one of them raises is passed over.
@@ -78,11 +79,12 @@ class _Calling(Hooks):
     def between(self, turn: int, env: Any) -> None:
         """Calls before anybody has looked."""
         self._env = env
-        self._call()
+        for _ in range(1 + (turn % 2 if hasattr(env, "agent_iter") else 0)):
+            self._call()
 
     def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
         """Calls once more when the agent in turn has looked and chosen."""
-        if hasattr(self._env, "last"):
+        if hasattr(self._env, "agent_iter"):
             self._call()
         return actions
 
