@@ -185,16 +185,14 @@ def judges(judged: Judgements) -> Iterator[str]:
     """How far a second judge agrees with the first."""
     yield "## A second judge\n"
     again = tomllib.loads((HERE / "judgements_again.toml").read_text())
-    blind = tomllib.loads((HERE / "judgements_blind.toml").read_text())
     first = [
         said.partition(":")[0].split(" / ") for checks in again.values() for said in checks.values()
     ]
-    second = [
-        [judged[key][check].partition(":")[0], said.partition(":")[0]]
-        for key, checks in blind.items()
-        for check, said in checks.items()
-    ]
-    for pairs, who in ((second, "who had seen none"), (first, "who had once read the first list")):
+    for pairs, who in (
+        (_both(judged, "blind"), "who had seen none"),
+        (_both(judged, "strict"), "who had read which checks of their lots weren't true"),
+        (first, "who had once read the first list"),
+    ):
         same = sum(one == two for one, two in pairs)
         alike = sum((one in FAULTS) == (two in FAULTS) for one, two in pairs)
         yield (
@@ -202,6 +200,16 @@ def judges(judged: Judgements) -> Iterator[str]:
             f"have the same word, {alike} agree whether a fault is there."
         )
     yield ""
+
+
+def _both(judged: Judgements, name: str) -> list[list[str]]:
+    """The words of the first judge and of a second, for each verdict of `judgements_NAME.toml`."""
+    second = tomllib.loads((HERE / f"judgements_{name}.toml").read_text())
+    return [
+        [judged[key][check].partition(":")[0], said.partition(":")[0]]
+        for key, checks in second.items()
+        for check, said in checks.items()
+    ]
 
 
 def written_up() -> Iterator[str]:
