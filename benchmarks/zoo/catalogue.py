@@ -28,6 +28,7 @@ Group = Literal[
     "tenth",
     "eleventh",
     "twelfth",
+    "thirteenth",
 ]
 
 
@@ -47,7 +48,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *twelfth*: likewise, once they were changed by those before."""
+    *second* to *thirteenth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

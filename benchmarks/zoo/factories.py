@@ -547,3 +547,25 @@ def archetype(kind: str) -> Any:
     config = getattr(defaults, f"default_{kind}_config")()
     adapter = inner_module(where, "", f"simulation.adapters.{kind}_pettingzoo")
     return getattr(adapter, f"{kind.capitalize()}PettingZooParallelEnv")(config)
+
+
+def city() -> Any:
+    """Three builders of a city, without the package's list of games, which asks for others."""
+    where = "srcJin+6.S890_Course_Project"
+    inner_module(where, "src", "utils.logging")
+    return of_repository(f"{where}:src/envs", "simcity", "SimCityEnv")
+
+
+def exchange() -> Any:
+    """Traders at an exchange, with the configuration of its own example."""
+    market = inner_module("0xWelt+TradeMasterOnline", "", "tmo.env.trading_env")
+    return market.TradingEnv.from_config("examples/configs/default.yaml")
+
+
+def construction(module: str, factory: str) -> Any:
+    """Robots that build a cottage, by the design that its own script reads."""
+    where, package = "sriv144+embodied-skill-composer", "embodied_skill_composer.construction"
+    read = inner_module(where, "src", f"{package}.runtime").load_house_design
+    design = read(Path("configs/construction/cottage_v1.yaml").absolute())
+    plan = inner_module(where, "src", f"{package}.compiler").compile_house_design(design)
+    return getattr(inner_module(where, "src", f"{package}.{module}"), factory)(plan)
