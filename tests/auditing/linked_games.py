@@ -78,6 +78,31 @@ def unpaid() -> Any:
     return OrderEnforcingWrapper(Unpaid())
 
 
+class ByAddress(Tokens):
+    """The first player is chosen by where an object lies in memory."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Of two."""
+        super().reset(seed, options)
+        self.agent_selection = self.possible_agents[id(object()) // 16 % 2]
+
+
+class ByMemo(Rovers):
+    """Addresses are keys of a memo, and of a copy's."""
+
+    def observation(self, agent: str) -> Any:
+        """Looked up."""
+        self.seen = {id(each): super(ByMemo, self).observation(each) for each in self.agents}
+        return self.seen.get(id(agent), super().observation(agent))
+
+    def __deepcopy__(self, memo: Any) -> Any:
+        """Of itself, once."""
+        other = type(self)(self.count, self.horizon, self.render_mode)
+        memo[id(self)] = other
+        vars(other).update(copy.deepcopy(vars(self), memo))
+        return other
+
+
 class DrawsOfSpaces(Rovers):
     """Wind is drawn from an action space, which a copy has anew."""
 

@@ -5,6 +5,7 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes.surface import far_limits, limits_of
 from tests.auditing.roster_games import Counting
@@ -128,3 +129,45 @@ def test_far_limits_are_arguments_of_time_and_of_turns() -> None:
         "max_turns",
         "max_cycles",
     ]
+
+
+LATE: Final = 125
+"""Ticks that no rollout of a small budget has; twice as many, and a few, are on top of it."""
+
+
+class StayingLate(Staying):
+    """Its limit is no argument of its constructor, and longer than a rollout."""
+
+    def __init__(self) -> None:
+        super().__init__(max_steps=LATE)
+
+
+class TerminatingLate(Counting):
+    """All end by termination when time is up, after more ticks than a rollout has."""
+
+    def __init__(self) -> None:
+        super().__init__(ends=(LATE, LATE, LATE), limit=9_000)
+        self.max_steps = LATE
+
+
+class TruncatingLate(Counting):
+    """All are cut when time is up, after more ticks than a rollout has."""
+
+    def __init__(self) -> None:
+        super().__init__(ends=(9_000, 9_000, 9_000), limit=LATE)
+        self.max_steps = LATE
+
+
+@pytest.mark.parametrize(
+    ("game", "expected"),
+    [(StayingLate, {"GK503"}), (TerminatingLate, {"GK508"}), (TruncatingLate, set())],
+)
+def test_limit_of_an_instance_is_met_as_it_is(game: Any, expected: set[str]) -> None:
+    """Without a nearer one, by as many ticks."""
+    select = "GK503", "GK508", "GK52", "GK60", "GK61"
+    found = audit_here(game, select=select, budget=2_200)
+    assert expected == {each.id for each in found.failed}
+    for each in found.failed:  # by an instance as it is
+        assert "probe near_limit" in each.findings[0].where
+        assert "return build()" in each.findings[0].reproducer
+        assert f"for _ in range({LATE})]" in each.findings[0].reproducer

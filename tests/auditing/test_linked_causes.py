@@ -11,7 +11,11 @@ from gymnasium.spaces import Box, Dict, Tuple
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
+from gamekeeper.auditing.draw_holds import ids_held
 from gamekeeper.auditing.holds import bounds_held, containers_of, set_in
+from gamekeeper.checks.object_ids import ids_from
+from tests.auditing import linked_games
+from tests.auditing.linked_games import ByAddress
 
 GAMES = "tests.auditing.linked_games"
 
@@ -22,11 +26,14 @@ GAMES = "tests.auditing.linked_games"
         ("Overfull", {"GK214": None, "GK802": "GK214", "GK813": "GK214"}),
         ("OverfullAndLate", {"GK214": None, "GK802": None, "GK813": None}),
         ("unpaid", {"GK107": None, "GK527": "GK107"}),
+        ("ByAddress", {"GK608": None}),
+        ("ByMemo", {}),
     ],
 )
 def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:
     """Its consequences name it; what fails by itself stays a cause."""
-    found = audit_here(f"{GAMES}:{game}", select=tuple(causes), budget=1_000)
+    select = tuple(causes) or ("GK608", "GK70")
+    found = audit_here(f"{GAMES}:{game}", select=select, budget=1_000)
     named = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
     assert named == causes
 
@@ -37,6 +44,25 @@ def test_copy_has_spaces_that_go_on_as_those_of_its_original() -> None:
     found = audit(f"{GAMES}:DrawsOfSpaces", select=select, budget=1_000)
     named = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
     assert named == {"GK601": "GK638", "GK604": "GK638", "GK638": None, "GK701": "GK638"}
+
+
+def test_what_is_other_by_an_address_follows_from_the_address() -> None:
+    """Objects numbered from the same number on at each reset: both episodes are one."""
+    env, again = (ids_held(ByAddress)() for _ in range(2))
+    kept = [object() for _ in range(5)]
+    try:
+        for each in (env, again):
+            each.reset(seed=1)
+            kept.append(object())
+        assert env.agent_selection == again.agent_selection
+        starts = set()
+        for start in (0, 1):
+            ids_from(env, start)
+            ByAddress.reset(env)
+            starts.add(env.agent_selection)
+    finally:
+        del linked_games.id  # type: ignore[attr-defined]  # which a hold has put there
+    assert starts == {"player_0", "player_1"}
 
 
 def test_number_beyond_a_bound_is_set_wherever_it_is_kept() -> None:

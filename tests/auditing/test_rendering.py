@@ -1,5 +1,6 @@
 """Edge cases of rendering and metadata that the matrix doesn't show."""
 
+import asyncio
 import os
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.human_mode import SCREENS
 from gamekeeper.auditing.result import AuditResult
 from tests.faults.rovers import Rovers
 from tests.faults.tokens import Tokens
@@ -34,6 +36,49 @@ class NeedsScreen(Rovers):
         super().__init__(render_mode=render_mode)
         if render_mode is not None:
             raise RuntimeError("cannot connect to display None")
+
+
+class Human(Rovers):
+    """Says that it has a window."""
+
+    metadata = {**Rovers.metadata, "render_modes": ["human"]}  # noqa: RUF012  # as PettingZoo has it
+
+    def render(self) -> Any:
+        """Shows something, and gives nothing."""
+        return
+
+
+class HumanRefused(Human):
+    """Its constructor knows no window."""
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        super().__init__(render_mode=render_mode)
+        if render_mode == "human":
+            raise NotImplementedError("to come")
+
+
+class HumanLeftOut(Human):
+    """It has none."""
+
+    def render(self) -> Any:
+        """Is to come."""
+        raise NotImplementedError("to come")
+
+
+class HumanNeedsScreen(Human):
+    """Has a window where there is a screen."""
+
+    def render(self) -> Any:
+        """Looks for it."""
+        raise RuntimeError("; ".join(os.environ.get(name, "no screen") for name in SCREENS))
+
+
+class HumanOfLibrary(Human):
+    """Draws by a library that can do nothing without a screen."""
+
+    def render(self) -> Any:
+        """Asks for it."""
+        asyncio.AbstractEventLoop().stop()  # raises NotImplementedError there
 
 
 class Listed(Traders):
@@ -172,3 +217,19 @@ def test_metadata_rates_that_are_none_are_broken(rate: Any) -> None:
         metadata = {**Rovers.metadata, "render_fps": rate}  # noqa: RUF012  # as PettingZoo has it
 
     assert audited(Rated, "GK823").of("GK823").outcome == "failed"
+
+
+@pytest.mark.parametrize(
+    ("game", "actual"),
+    [
+        ("Human", None),
+        ("HumanNeedsScreen", None),
+        ("HumanOfLibrary", None),
+        ("HumanRefused", "NotImplementedError: to come"),
+        ("HumanLeftOut", "NotImplementedError: to come"),
+    ],
+)
+def test_window_that_is_not_implemented_is_told(game: str, actual: str | None) -> None:
+    """By the environment's own line alone; what else is raised without a screen tells nothing."""
+    found = audited(f"{__name__}:{game}", "GK801")
+    assert [each.findings[0].actual for each in found.failed] == ([actual] if actual else [])

@@ -6,6 +6,7 @@ from gamekeeper.auditing.draw_holds import (
     entropy_held,
     generators_held,
     globals_held,
+    ids_held,
     resets_held,
     spaces_held,
 )
@@ -75,6 +76,7 @@ HOLDS: Final = {
     "GK102": Hold("possible_agents named anew", rosters_held, ("GK103",), is_general=True),
     "GK606": INSTANCES,
     "GK604": INSTANCES,
+    "GK608": Hold("objects numbered in place of their id()", ids_held, is_general=True),
     "GK634": Hold("observe() called on a copy", observe_held, ("GK635",), is_general=True),
     "GK607": CLASSES,
     "GK701": Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703")),

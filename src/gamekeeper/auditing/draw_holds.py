@@ -21,6 +21,7 @@ from gamekeeper.auditing.holds import (
     with_class,
     with_methods,
 )
+from gamekeeper.checks.object_ids import ids_from
 
 
 @contextlib.contextmanager
@@ -198,3 +199,14 @@ def spaces_held(make: Callable[[], Any]) -> Callable[[], Any]:
         return {"__deepcopy__": duplicate} if hasattr(cls, "__deepcopy__") else {}
 
     return with_methods(before_resets(make, seed), methods)
+
+
+def ids_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Numbers objects anew, at each reset, where an environment asks for their id()."""
+    first = make()
+
+    def built() -> Any:
+        ids_from(first, 0)
+        return make()
+
+    return before_resets(built, lambda env: ids_from(env, 0))

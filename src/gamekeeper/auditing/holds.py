@@ -42,7 +42,7 @@ def with_methods(make: Callable[[], Any], methods: Callable[[Any], Any]) -> Call
     return built
 
 
-def before_resets(make: Callable[[], Any], prepare: Callable[[Any], None]) -> Callable[[], Any]:
+def before_resets(make: Callable[[], Any], prepare: Callable[[Any], object]) -> Callable[[], Any]:
     """Builds the environment, and calls `prepare` with it before each of its resets."""
 
     def methods(cls: Any) -> dict[str, Callable[..., Any]]:

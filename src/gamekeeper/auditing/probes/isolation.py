@@ -1,7 +1,10 @@
 """Probes of what plays share: global generators, other instances, other processes."""
 
+import inspect
 import math
+import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
@@ -17,14 +20,17 @@ from gamekeeper.auditing.other_process import (
 )
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.checks.compared_reproducer import env_steps_of
 from gamekeeper.checks.facts.seed_facts import (
     HashSeed,
     MovedGenerator,
+    NumberedObjects,
     OtherInstance,
     RosterElsewhere,
     SettledElsewhere,
     UnmovedGenerator,
 )
+from gamekeeper.checks.object_ids import ids_from
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
@@ -172,6 +178,9 @@ def _other_process_plays(session: ProbeSession) -> Iterator[EpisodePlan]:
     return session.plays_of([turns] * (WHOLE + SINGLE))
 
 
+ASKS: Final = re.compile(r"\bid\b")
+STARTS: Final = (1, 2, 5)
+"""Numbers of the first object: an order by addresses, or their remainder, is another by one."""
 WHOLE: Final = 2
 """Plays under all hash seeds that are needed to turn any two names in a set."""
 SINGLE: Final = 4
@@ -185,7 +194,7 @@ def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     The episode here and its counterfactual there, up to the first that differs.
 
     Facts:
-        `HashSeed`, `RosterElsewhere`, `SettledElsewhere`.
+        `HashSeed`, `NumberedObjects`, `RosterElsewhere`, `SettledElsewhere`.
     """
     if session.by_place:
         return  # agents that a reset makes are called otherwise by each play: none is like another
@@ -193,6 +202,11 @@ def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     steer = partial(meeting, session.contract) if is_steered else None
     rosters: list[list[str]] = []
     base = session.fresh(play, steer=steer, watch=roster_watch(rosters))
+    numbered = _numbered(session, base.play) if play.stream == 0 else None
+    if numbered is not None:
+        yield session.fact(numbered, turn=numbered.turn, field="id")
+        if numbered.turn is not None:
+            return  # in no other process has an object the same address
     seeds = hash_seeds(tuple(sorted(session.agents)))
     for seed in seeds if play.stream < WHOLE else (seeds[play.stream % len(seeds)],):
         there = played_elsewhere(session, base, seed)
@@ -214,6 +228,40 @@ def other_process(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
                 first, unchanged_rerun, there = there, second, second
         yield _elsewhere(session, first, unchanged_rerun, there, seed)
         return
+
+
+def _numbered(session: ProbeSession, play: EpisodePlan) -> NumberedObjects | None:
+    """The first numbers of objects with which an episode is another one.
+
+    None where the environment's modules don't name id(), or episodes with equal numbers differ.
+    """
+    env = session.env()
+    if not any(ASKS.search(source) for source in _sources(env)):
+        return None
+
+    def played(start: int) -> Episode:
+        modules = ids_from(env, start)
+        try:
+            return session.fresh(play).episode
+        finally:
+            for each in modules:
+                del each["id"]
+
+    first = played(0)
+    if session.divergence(first, played(0)) is not None:
+        return None
+    for start in STARTS:
+        found = session.divergence(first, played(start))
+        if found is not None:
+            return NumberedObjects(start, env_steps_of(found) or 0)
+    return NumberedObjects(0, None)
+
+
+def _sources(env: Any) -> Iterator[str]:
+    """Source of the modules of an environment's own classes, as far as there is one."""
+    for cls in type(env.unwrapped).__mro__:
+        with suppress(OSError, TypeError):
+            yield inspect.getsource(cls)
 
 
 def _elsewhere(

@@ -11,7 +11,7 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable
 from gamekeeper.auditing.probes.state_calls import form_of, space_of
-from gamekeeper.auditing.probes.surface import TIME, far_limits
+from gamekeeper.auditing.probes.surface import TIME, far_limits, limits_of
 from gamekeeper.checks.facts.episode_facts import (
     AgentNames,
     NearLimit,
@@ -92,22 +92,27 @@ NEAR: Final = (7, 11)
 MOST_NAMES: Final = 3
 
 
+def _turns_to(session: ProbeSession, limit: int) -> int:
+    """Turns in which a limit of ticks is met, and two ticks more."""
+    agents = max(len(session.agents), 2)
+    return limit + 2 if session.api == "parallel" else (limit + 4) * agents
+
+
 @probe(
     "near_limit",
     share=0.0,
-    on_top=0.05,
+    on_top=0.12,
     fresh=True,
-    plays=lambda session: session.plays_of(
-        limit + 2 if session.api == "parallel" else (limit + 4) * max(len(session.agents), 2)
-        for limit in NEAR
-    ),
+    tries=3,
+    plays=lambda session: session.plays_of(_turns_to(session, limit) for limit in NEAR),
 )
 def near_limit(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """An episode of an instance that is built with a nearer limit than its own.
 
     A limit of thousands of steps is met by no rollout, and what happens there by no check. Its
     argument is one of the constructor that is called like a limit and is larger, or None; another
-    one is tried where an episode with it doesn't end.
+    one is tried where an episode with it doesn't end. Where no argument sets it, an attribute or a
+    constant names it, and half of what the probe may take is enough, it is met as it is.
 
     The episode.
 
@@ -118,19 +123,39 @@ def near_limit(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     for name in far_limits(session.env(), session.kwargs, max(NEAR))[:MOST_NAMES]:
         options = {name: limit}
         made = session.call("make", session.make, **options)
-        watched = _Watched(session.api)
         if made.failed is None:
-            played = session.play(play, made.value, watch=watched.watch)
-            if any(turn.ended for turn in played.episode.turns):
-                raised = None if played.failed is None else _raised(played.failed)
-                is_time = TIME.search(name) is not None
-                yield played.episode
-                yield session.fact(
-                    NearLimit(options, is_time, watched.rosters, watched.selected, raised),
-                    turn=None if played.failed is None else played.failed.turn,
-                    field="raised",
-                )
+            saw = list(_to_its_end(session, play, made.value, options, options))
+            if saw:
+                yield from saw
                 return
+    env = session.env()
+    longest = session.ration // len(NEAR)
+    limits = {name: x for name, x in limits_of(env).items() if _turns_to(session, x) <= longest}
+    turns = _turns_to(session, max(limits.values(), default=0))
+    if limits and affordable(session, turns) == turns:
+        whole = replace(play, most_turns=turns) if play.actions is None else play
+        yield from _to_its_end(session, whole, env, limits, {})
+
+
+def _to_its_end(
+    session: ProbeSession,
+    play: EpisodePlan,
+    env: Any,
+    limits: dict[str, int],
+    options: dict[str, int],
+) -> Iterator[Saw]:
+    """The episode and its facts, if an agent ends in it."""
+    watched = _Watched(session.api)
+    played = session.play(play, env, watch=watched.watch)
+    if any(turn.ended for turn in played.episode.turns):
+        raised = None if played.failed is None else _raised(played.failed)
+        of_time = {name: x for name, x in limits.items() if TIME.search(name) is not None}
+        yield played.episode
+        yield session.fact(
+            NearLimit(of_time, options, watched.rosters, watched.selected, raised),
+            turn=None if played.failed is None else played.failed.turn,
+            field="raised",
+        )
 
 
 def _states(session: ProbeSession, space: Space[Any] | None, episode: Episode) -> Iterator[Saw]:

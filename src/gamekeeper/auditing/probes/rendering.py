@@ -3,13 +3,14 @@
 import hashlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.auditing.human_mode import SCREENLESS, left_out
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
 from gamekeeper.auditing.probes.moves import affordable, cut, moves
@@ -37,7 +38,6 @@ PATTERN: Final = 98
 """Values that are written into a frame: 1 up to here, over and over; fits into an int8."""
 KEPT_BYTES: Final = 32 << 20
 """Frames that are kept to be looked at once more."""
-SCREENLESS: Final = {"SDL_VIDEODRIVER": "dummy", "SDL_AUDIODRIVER": "dummy", "MPLBACKEND": "Agg"}
 NEEDS_MORE: Final = re.compile(
     r"display|opengl|\bglx?\b|\begl\b|x11|xcb|screen|not ?installed|ImportError|ModuleNotFound",
     re.IGNORECASE,
@@ -52,6 +52,8 @@ NEEDS_MORE: Final = re.compile(
 )
 def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """Every render mode but "human": an episode with frames beside one without.
+
+    In a process without a screen it is seen if "human" raises NotImplementedError.
 
     A mode's instance beside the plain one, and a film beside the same without a camera.
 
@@ -77,11 +79,21 @@ def render(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             still = session.play(base.play, session.make(render_mode=None)).episode
             change = {"change": "RenderMode", "mode": None}
             yield session.beside(base.episode, unchanged_rerun.episode, still, change)
+        is_asked = takes and own != "human" and _has_human(metadata) and not session.number
+        human = left_out(session) if is_asked else None
+        if human is not None:
+            options = {"render_mode": "human"}
+            yield session.fact(BuiltMode("human", True, options, human, False, None))
         in_use = [own] if isinstance(own, str) and own != "human" else []
         for mode in list(dict.fromkeys([*in_use, *modes(metadata)]))[:MOST_MODES]:
             yield from _mode(
                 session, mode, own=own, takes=takes, base=base, unchanged_rerun=unchanged_rerun
             )
+
+
+def _has_human(metadata: Any) -> bool:
+    listed = metadata.get("render_modes") if isinstance(metadata, Mapping) else None
+    return isinstance(listed, list | tuple) and "human" in listed
 
 
 def _mode(

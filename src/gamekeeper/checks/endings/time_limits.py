@@ -198,20 +198,28 @@ def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Cases:
         or _stands_out(evidence.api, episodes, limits.values())
     )
     yield from (each for each in found if each.ok or is_sure)
-    yield from _at_near_limits(evidence)
+    yield from _at_near_limits(evidence, episodes)
 
 
-def _at_near_limits(evidence: ProbeEvidence) -> Cases:
-    """Ends of instances that were built with nearer limits, if each ends in the tick of its own."""
+def _at_near_limits(evidence: ProbeEvidence, episodes: Sequence[Episode]) -> Cases:
+    """Ends of episodes that were played to a limit, if each ends in its tick.
+
+    One of an instance's own is judged so where the other episodes are shorter.
+    """
+    ticks = (tick for each in episodes for _, tick in ticks_before(each, evidence.api))
+    longest = max(ticks, default=0)
     found: list[Case | None] = []
     for look in evidence.looks.get("near_limit", ()):
         near = look.fact(NearLimit)
-        if near is not None and near.value.is_time:
-            limits, options = near.value.options, near.value.options
+        options = near.value.options if near else {}
+        named = near.value.limits.items() if near else ()
+        limits = {name: value for name, value in named if options or value > longest}
+        if limits:
             case = next(_at_the_limit(evidence.api, look.episodes[0], limits, options), None)
             found.append(case)
     cases = [each for each in found if each is not None]
-    if len(cases) == len(found) and (len(cases) >= PLAYS or any(each.ok for each in cases)):
+    least = min(PLAYS, len(evidence.looks.get("near_limit", ())))
+    if len(cases) == len(found) and (len(cases) >= least or any(each.ok for each in cases)):
         yield from cases
 
 

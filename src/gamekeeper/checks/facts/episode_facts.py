@@ -49,18 +49,18 @@ class RaisedCall:
 
 @dataclass(frozen=True, slots=True)
 class NearLimit:
-    """An episode of an instance that was built with a nearer limit than its own.
+    """An episode that was played to a limit, of an instance that was built with a near one or not.
 
     Attributes:
-        options: the limit, by the name of its argument.
-        is_time: its name speaks of time, not of turns of a game.
+        limits: what it may be, by name, as far as the name speaks of time, not of turns of a game.
+        options: the limit, by the name of its argument; none where the instance has its own.
         rosters: as in `TurnRosters`.
         selected: as in `SelectedAgents`.
         raised: what ended the episode, if anything did.
     """
 
+    limits: dict[str, int]
     options: dict[str, int]
-    is_time: bool
     rosters: list[list[str]]
     selected: list[tuple[str | None, bool]]
     raised: RaisedCall | None

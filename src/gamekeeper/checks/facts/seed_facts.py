@@ -119,6 +119,19 @@ class HashSeed:
 
 
 @dataclass(frozen=True, slots=True)
+class NumberedObjects:
+    """An episode in which id() gave other numbers, of an environment that gives one by itself.
+
+    Attributes:
+        start: number of the first object, where that made a difference.
+        turn: at which it did; None where none did.
+    """
+
+    start: int
+    turn: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class RosterElsewhere:
     """Order of `agents` here and in a process of another hash seed, where all else is the same.
 

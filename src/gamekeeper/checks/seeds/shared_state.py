@@ -9,12 +9,14 @@ from gamekeeper.checks.facts.seed_facts import (
     EpisodeBefore,
     HashSeed,
     MovedGenerator,
+    NumberedObjects,
     OtherInstance,
     RosterElsewhere,
     SettledElsewhere,
     UnmovedGenerator,
 )
 from gamekeeper.checks.literal import step_literal
+from gamekeeper.checks.object_ids import ids_from
 from gamekeeper.checks.paired_episodes import (
     difference_place,
     ignores_seeds,
@@ -28,6 +30,7 @@ from gamekeeper.checks.paired_episodes import (
     whole,
 )
 from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import text_of
 from gamekeeper.contract import Contract
 
 
@@ -273,7 +276,8 @@ def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -
     """The same seed and actions give the same episode in other processes; no set's order decides.
 
     Python shuffles the order of sets of text anew in every process, so that results repeat within
-    one run and never in the next. The other process runs under another PYTHONHASHSEED.
+    one run and never in the next. The other process runs under another PYTHONHASHSEED. Where the
+    environment's own modules ask for id(), an address in memory, they are given other numbers once.
 
     Bad: `agents` in the order of a set.
 
@@ -293,6 +297,11 @@ def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -
         for counterfactual in look.counterfactuals:
             proof = _process_proof(evidence.api, seed, told_of(contract, counterfactual))
             yield from parted(counterfactual, proof, expected="the same episode as in this process")
+    for numbered in evidence.facts(NumberedObjects):
+        is_ok = numbered.value.turn is None
+        expected = "the same episode, wherever objects lie in memory"
+        proof = _ids_proof(evidence.api, numbered.value.start)
+        yield Case(numbered.where, is_ok, expected, "another one with other results of id()", proof)
     for order in evidence.facts(RosterElsewhere):
         here, there = order.value.here, order.value.there
         yield Case(
@@ -314,6 +323,23 @@ def rosters(env):
     return seen
 play = rosters"""
 """Lines that look at nothing of a play but the order of `agents`."""
+
+
+def _ids_proof(api: str, start: int) -> Reproducer:
+    """Two episodes in which the environment's modules get other numbers for objects."""
+    lines = (
+        *text_of(ids_from)[0].splitlines(),
+        "def numbered(start):",
+        "    ids_from(make(), start)",
+        "    return play(make())",
+    )
+    return program(
+        api,
+        *lines,
+        f"alike(numbered(0), numbered({start}))",
+        imports=("sys",),
+        unchanged=(*lines, "alike(numbered(0), numbered(0))"),
+    )
 
 
 def _process_proof(
