@@ -117,6 +117,23 @@ class AddsToItsOriginal(Sound):
         return np.array([0.5, self.last])
 
 
+class JoinsWithoutInfo(Sound):
+    """The second agent joins at the third tick, and has an info from the next tick on."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Begins with the first."""
+        seen, infos = super().reset(seed, options)
+        self.agents = ["a"]
+        return {"a": seen["a"]}, {"a": infos["a"]}
+
+    def step(self, actions: Any) -> Any:
+        """Lets the second one in."""
+        if self.tick == 2:
+            self.agents.append("b")
+        *parts, infos = super().step(actions)
+        return *parts, {agent: infos[agent] for agent in actions}
+
+
 class Slips(Sound):
     """One observation in ten hangs on a generator that nobody seeded."""
 

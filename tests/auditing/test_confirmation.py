@@ -105,6 +105,12 @@ def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
     assert found.of("GK604").reproduced == Reproduced(TRIES, TRIES, True)
 
 
+def test_an_info_that_an_agent_lacks_as_it_joins_is_shown() -> None:
+    """Nobody knows of it before, so it is no agent of the last actions."""
+    verdict = audited("JoinsWithoutInfo", "GK109").of("GK109")
+    assert (verdict.outcome, verdict.reproduced) == ("failed", Reproduced(TRIES, TRIES, None))
+
+
 @pytest.mark.parametrize(("name", "id"), [("Vanishes", "GK501"), ("FirstIsPaid", "GK311")])
 def test_agents_that_are_no_texts_are_found_by_a_program(name: str, id: str) -> None:
     """It plays with frozen dataclasses as it plays with names."""

@@ -277,7 +277,7 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
 
 INFOS_AT_RESET = "assert not set(env.agents) - set(infos), set(env.agents) - set(infos)"
 IN_STEP = """\
-owed = [agent for agent in ACTIONS[-1] if agent in terminations]
+owed = [*env.agents, *(agent for agent in ACTIONS[-1] if agent in terminations)]
 missing = [agent for agent in owed if agent not in infos]
 assert not missing, missing"""
 IN_BOOKS = "assert not set(env.agents) - set(env.infos), set(env.agents) - set(env.infos)"
