@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
+from pettingzoo.utils.wrappers import BaseWrapper
 from pettingzoo.utils.wrappers.base_parallel import BaseParallelWrapper
 
 from tests.faults.tokens import CELLS, Tokens
@@ -114,6 +115,23 @@ class AddsToItsOriginal(Sound):
         """Adds what comes up."""
         self.add(float(self.rng.random()) / 40)
         return np.array([0.5, self.last])
+
+
+class JoinsWithoutInfo(Sound):
+    """The second agent joins at the third tick, and has an info from the next tick on."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Begins with the first."""
+        seen, infos = super().reset(seed, options)
+        self.agents = ["a"]
+        return {"a": seen["a"]}, {"a": infos["a"]}
+
+    def step(self, actions: Any) -> Any:
+        """Lets the second one in."""
+        if self.tick == 2:
+            self.agents.append("b")
+        *parts, infos = super().step(actions)
+        return *parts, {agent: infos[agent] for agent in actions}
 
 
 class Slips(Sound):
@@ -325,6 +343,20 @@ def dimmed() -> BaseParallelWrapper[str, Any, Any]:
 def wrapped_tires() -> BaseParallelWrapper[str, Any, Any]:
     """Faulty rules in a sound wrapper."""
     return BaseParallelWrapper(Tires())
+
+
+class OwnRoster(BaseWrapper[str, Any, Any]):
+    """Keeps a list of agents of its own, from which nobody is taken."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Fills it."""
+        super().reset(seed, options)
+        self.agents = list(self.env.agents)
+
+
+def with_own_roster() -> BaseWrapper[str, Any, Any]:
+    """A clean environment in it."""
+    return OwnRoster(Tokens())
 
 
 class Jammed(Tokens):

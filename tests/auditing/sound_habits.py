@@ -204,7 +204,9 @@ class Late(Valley):
         if self.tick == 4 and self.agents:
             self.agents = [*self.agents, self.possible_agents[2]]
             self.heights[self.possible_agents[2]] = 0.0
-            return self.views(), *out[1:4], {a: {} for a in self.heights}
+            rewards, *flags = ({**part, self.possible_agents[2]: 0.0} for part in out[1:4])
+            flags = [{a: bool(flag) for a, flag in part.items()} for part in flags]
+            return self.views(), rewards, *flags, {a: {} for a in self.heights}
         return out
 
 

@@ -19,6 +19,7 @@ from gamekeeper.auditing.confirm import (
     FLAKY,
     NOT_RUN,
     TRIES,
+    UNSTABLE,
     Confirmation,
     Programs,
     _share_until,
@@ -104,6 +105,12 @@ def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
     assert found.of("GK604").reproduced == Reproduced(TRIES, TRIES, True)
 
 
+def test_an_info_that_an_agent_lacks_as_it_joins_is_shown() -> None:
+    """Nobody knows of it before, so it is no agent of the last actions."""
+    verdict = audited("JoinsWithoutInfo", "GK109").of("GK109")
+    assert (verdict.outcome, verdict.reproduced) == ("failed", Reproduced(TRIES, TRIES, None))
+
+
 @pytest.mark.parametrize(("name", "id"), [("Vanishes", "GK501"), ("FirstIsPaid", "GK311")])
 def test_agents_that_are_no_texts_are_found_by_a_program(name: str, id: str) -> None:
     """It plays with frozen dataclasses as it plays with names."""
@@ -179,6 +186,12 @@ def test_an_attribute_called_last_makes_no_aec_environment_of_one() -> None:
     follows = found.of("GK702").follows_from
     assert follows is not None
     assert follows.id == "GK701"
+
+
+def test_a_roster_that_keeps_the_dead_is_one_cause() -> None:
+    """Agents that have left lack no entries, though a wrapper's list still has them."""
+    found = audited("with_own_roster", "GK1", "GK3", "GK5")
+    assert [each.id for each in found.failed if each.follows_from is None] == ["GK303"]
 
 
 def test_what_the_first_play_leaves_to_all_instances_is_shared_state() -> None:
@@ -283,21 +296,24 @@ def test_finding_that_no_fresh_process_shows_is_suspected() -> None:
 
 
 @pytest.mark.parametrize(
-    ("seeded", "compares", "reason", "outcome"),
+    ("cause", "seeded", "compares", "reason", "outcome"),
     [
-        ("failed", True, FLAKY, "not_exercised"),
-        ("failed", False, FLAKY, "suspected"),
-        ("failed", True, NOT_RUN, "suspected"),
-        ("passed", True, FLAKY, "suspected"),
+        ("GK601", "failed", True, FLAKY, "not_exercised"),
+        ("GK601", "failed", False, FLAKY, "suspected"),
+        ("GK601", "failed", True, NOT_RUN, "suspected"),
+        ("GK601", "passed", True, FLAKY, "suspected"),
+        ("GK607", "failed", True, UNSTABLE, "not_exercised"),
+        ("GK607", "failed", True, FLAKY, "suspected"),
+        ("GK607", "passed", True, UNSTABLE, "suspected"),
     ],
 )
-def test_chance_suspects_no_comparison_where_no_seed_settles_an_episode(
-    seeded: Any, compares: bool, reason: str, outcome: str
+def test_chance_suspects_no_comparison_where_an_episode_differs_by_itself(
+    cause: str, seeded: Any, compares: bool, reason: str, outcome: str
 ) -> None:
     """What isn't shown of two episodes that differ by themselves was no comparison."""
     programs = [Programs(Finding("", "", "", "", ""), ("",), compares=compares, unchanged="")]
     doubted = Verdict("GK634", "a claim", "suspected", "high", reason=reason)
-    found = {"GK601": Verdict("GK601", "", seeded, "high"), "GK634": doubted}
+    found = {cause: Verdict(cause, "", seeded, "high"), "GK634": doubted}
     assert _without_chance(found, [(doubted, programs)])["GK634"].outcome == outcome
 
 

@@ -20,6 +20,7 @@ from tests.faults.rovers import Rovers
 from tests.faults.traders import Traders
 
 FAMILY = ("GK20", "GK21", "GK22")
+CARDS = 40
 
 
 class Sampler(ParallelEnv[Any, Any, Any]):
@@ -257,6 +258,27 @@ def test_observations_in_one_array_are_no_wrong_agents_observations() -> None:
             return self.array
 
     assert audited(OneArray, "GK219", budget=2000).of("GK219").outcome == "passed"
+
+
+def test_cards_that_hardly_any_player_is_dealt_are_no_wrong_agents_observations() -> None:
+    """All see no such card at the turns that are looked at, which tells of nobody's hand."""
+
+    class Cards(Traders):
+        def __init__(self, **kwargs: Any) -> None:
+            super().__init__(**kwargs)
+            size = self.count + 3 + CARDS
+            self._seen = {a: spaces.Box(0.0, 1.0, (size,), np.float32) for a in self._seen}
+
+        def reset(self, seed: int | None = None, options: Any = None) -> None:
+            super().reset(seed, options)
+            dealt = self.rng.permutation(CARDS)
+            self.hands = {a: dealt[3 * k :][:3] for k, a in enumerate(self.possible_agents)}
+
+        def observe(self, agent: Any) -> Any:
+            hand = np.isin(np.arange(CARDS), self.hands[agent])
+            return np.append(super().observe(agent), hand).astype(np.float32)
+
+    assert audited(Cards, "GK219", budget=4000).failed == ()
 
 
 def test_observations_far_from_the_start_are_found() -> None:

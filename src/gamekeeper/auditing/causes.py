@@ -88,7 +88,9 @@ HOLDS: Final = {
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK214", "GK402")),
     "GK303": Hold(
-        "steps of the dead made by `_was_dead_step`", dead_steps_held, ("GK304", "GK407", "GK522")
+        "steps of the dead made by `_was_dead_step`",
+        dead_steps_held,
+        ("GK304", "GK407", "GK522", "GK527"),
     ),
     "GK107": Hold("missing entries added", missing_held, ("GK108", "GK221", "GK403", "GK527")),
     "GK109": Hold("missing entries added", missing_held, ("GK527",)),

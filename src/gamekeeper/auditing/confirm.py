@@ -44,6 +44,7 @@ IS_EXCEPTION: Final = re.compile(r"(Error|Exception|\braise[sd])\b")
 """Words of a finding that is an exception."""
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
 NOT_RUN: Final = "the audit ended before its reproducer was run"
+SHARED: Final = "an episode hangs on other instances (see GK607), so that none can be compared"
 UNSTABLE: Final = "its reproducer fails without the trigger too: the same episode differs by itself"
 
 
@@ -348,15 +349,23 @@ def _confirmed(
 def _without_chance(
     found: Mapping[str, Verdict], drafts: Iterable[tuple[Verdict, Sequence[Programs]]]
 ) -> dict[str, Verdict]:
-    """The verdicts; comparisons that aren't shown are none, where no seed settles an episode."""
-    verdicts, seeded = dict(found), found.get("GK601")
-    if seeded is None or seeded.outcome != "failed" or seeded.follows_from is not None:
-        return verdicts
+    """The verdicts; comparisons that aren't shown are none, where an episode differs by itself.
+
+    So it does where no seed settles it, and where it hangs on what instances share.
+    """
+    verdicts, reasons = dict(found), {}
+    causes = {each.id for each in found.values() if each.outcome == "failed"}
+    causes -= {each.id for each in found.values() if each.follows_from is not None}
+    if "GK607" in causes:
+        reasons = {UNSTABLE: SHARED}
+    if "GK601" in causes:
+        reasons = {UNSTABLE: NOISE, FLAKY: NOISE}
     for id, programs in ((verdict.id, programs) for verdict, programs in drafts):
         now = verdicts[id]
-        is_chance = now.outcome == "suspected" and now.reason in (FLAKY, UNSTABLE)
+        is_chance = now.outcome == "suspected" and now.reason in reasons
         if is_chance and all(each.compares for each in programs):
-            verdicts[id] = Verdict(id, now.claim, "not_exercised", now.severity, reason=NOISE)
+            reason = reasons[now.reason]
+            verdicts[id] = Verdict(id, now.claim, "not_exercised", now.severity, reason=reason)
     return verdicts
 
 

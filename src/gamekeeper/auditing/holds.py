@@ -346,6 +346,11 @@ def dead_steps_held(make: Callable[[], Any]) -> Callable[[], Any]:
                 return cls.step(self, action)
             if self.agents or action is not None:
                 sys.modules["pettingzoo"].AECEnv._was_dead_step(self.unwrapped, action)
+            layer = self
+            while layer is not self.unwrapped and layer is not None:  # a wrapper's own roster
+                if agent in vars(layer).get("agents", ()):
+                    layer.agents.remove(agent)
+                layer = vars(layer).get("env")
             return None
 
         return {"last": last, "step": step}

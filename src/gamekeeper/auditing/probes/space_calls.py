@@ -115,6 +115,7 @@ class _Watch:
     _sound: set[int] = field(default_factory=set)
     _roster: list[Any] = field(default_factory=list)
     _observed: int = 0
+    _before: Any = None
     _has_numpy_flag: bool = False
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
@@ -175,6 +176,8 @@ class _Watch:
         chosen = getattr(self.env, "agent_selection", None)
         # taken at once: the next observation may stand in the same array
         one = numbers_in(unmasked(self.session.call("observe", self.env.observe, chosen).value))
+        moved = frozenset() if self._before is None else changed_numbers(self._before, one)
+        self._before = one
         for agent in roster:
             space = self._space(agent)
             if agent == chosen or space is None:
@@ -191,7 +194,7 @@ class _Watch:
             other = numbers_in(unmasked(seen.value))
             size = len(one) if len(one) == len(other) else 0
             differs = changed_numbers(one, other)
-            self._note(OthersView(None, found, size, differs), turn, agent, "observe")
+            self._note(OthersView(None, found, size, differs, moved), turn, agent, "observe")
 
     def _space(self, agent: Any) -> Any:
         asked = _quietly(self.session, "observation_space", self.env.observation_space, agent)

@@ -5,7 +5,7 @@ import operator
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import FunctionType, MethodType, ModuleType
 from typing import Any, Final
 
@@ -195,6 +195,8 @@ class _Seen:
         self.infos_answer = False
         self._session = session
         self._last: dict[str, tuple[Any, Any]] = {}
+        self._dead_in_turn = ""
+        self._left: set[str] = set()
 
     def watch(self, turn: int, env: Any, out: Any) -> None:
         """One turn's start."""
@@ -208,12 +210,19 @@ class _Seen:
             self.returned.append(_wrong(out, 5 if turn else 2))
             self.infos_answer |= isinstance(out, tuple) and isinstance(out[-1], defaultdict)
         else:
-            self.books.append(_books(env))
+            self._note_left(env)
+            self.books.append(_books(env, self._left))
         kinds = [_kind(env, name) for name in ("agents", "possible_agents")]
         if not self.kinds or kinds != self.kinds[-1][1]:
             self.kinds.append((turn, kinds))
         if not turn:
             self.flagged = _flagged(env) if self._session.api == "aec" else []
+
+    def _note_left(self, env: Any) -> None:
+        """Notes the agent whose None step was made last: it has left, whatever `agents` says."""
+        self._left |= {self._dead_in_turn} - {""}
+        name = agent_name(getattr(env, "agent_selection", ""))
+        self._dead_in_turn = name if name in _flagged(env) else ""
 
     def _names(self, env: Any, attribute: str) -> Any:
         """The names, spelt anew only where they have changed."""
@@ -292,19 +301,23 @@ def _wrong_last(session: ProbeSession, env: Any) -> str:
     return _wrong(called.value, LAST) or f"a {type(called.value).__name__}"
 
 
-def _books(env: Any) -> TurnBooks:
-    """Agents without an entry in the AEC dictionaries, and entries without an agent."""
+def _books(env: Any, left: Collection[str]) -> TurnBooks:
+    """Agents without an entry in the AEC dictionaries, and entries without an agent.
+
+    Those that have left need no entry, though they stand in `agents` yet.
+    """
     missing: dict[str, list[str]] = {}
     strangers: dict[str, list[str]] = {}
     agents: Sequence[Any] = list(getattr(env, "agents", None) or ())
+    staying = [agent for agent in agents if agent_name(agent) not in left]
     for name in BOOKS:
         book = getattr(env, name, None)
         if not isinstance(book, Mapping):
-            missing[name] = [agent_name(agent) for agent in agents]
+            missing[name] = [agent_name(agent) for agent in staying]
             continue
         if book.keys() == set(agents):
             continue
-        missing[name] = [agent_name(agent) for agent in agents if agent not in book]
+        missing[name] = [agent_name(agent) for agent in staying if agent not in book]
         strangers[name] = [agent_name(agent) for agent in book if agent not in agents]
     return TurnBooks(
         {name: names for name, names in missing.items() if names},

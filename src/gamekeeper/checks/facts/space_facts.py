@@ -56,12 +56,14 @@ class OthersView:
         misfits: kind, path, expected, seen and test of each.
         size: how many numbers it holds, those of an action mask left out.
         differs: places of the numbers that aren't those of the agent in turn.
+        moved: places in which the agent in turn observes another number than the one before it.
     """
 
     failed: str | None
     misfits: list[list[Any]]
     size: int = 0
     differs: frozenset[int] = frozenset()
+    moved: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

@@ -184,8 +184,8 @@ def every_live_agent_is_told_everything(contract: Contract, evidence: ProbeEvide
     """Every agent in `agents` is given an observation, a reward and both flags, at every step.
 
     An agent without an observation can't choose an action, and one without a reward or a flag
-    makes learners raise KeyError or shift their batches by a step. One that joins in a step
-    needs no reward of it.
+    makes learners raise KeyError or shift their batches by a step. So it is of an agent that
+    joins in the step.
 
     Bad: `observations = {a: see(a) for a in moved}`: who waited is told nothing.
 
@@ -218,14 +218,12 @@ def _misshapen(evidence: ProbeEvidence) -> set[bool]:
 
 
 def _owed(each: TurnEntries, agent: str) -> list[str]:
-    """Parts that a live agent should have; one that has just joined was paid for nothing yet.
+    """Parts that a live agent should have, also one that has just joined.
 
-    Source: PettingZoo's parallel_api_test, which reads both flags of every agent in `agents`.
+    Source: PettingZoo's parallel_api_test reads both flags of every agent in `agents`, and the
+    `last()` of its parallel_to_aec all of them.
     """
-    if agent not in each.turn.live:
-        return []
-    has_joined = each.turn.index and agent not in each.before
-    owed = each.all_parts - {"info", "cumulative_reward" if has_joined else "info"}
+    owed = each.all_parts - {"info"} if agent in each.turn.live else frozenset()
     return sorted(each.missing[agent] & owed)
 
 
@@ -279,7 +277,7 @@ def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> 
 
 INFOS_AT_RESET = "assert not set(env.agents) - set(infos), set(env.agents) - set(infos)"
 IN_STEP = """\
-owed = [agent for agent in ACTIONS[-1] if agent in terminations]
+owed = [*env.agents, *(agent for agent in ACTIONS[-1] if agent in terminations)]
 missing = [agent for agent in owed if agent not in infos]
 assert not missing, missing"""
 IN_BOOKS = "assert not set(env.agents) - set(env.infos), set(env.agents) - set(env.infos)"
@@ -313,8 +311,7 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
         for each in turn_entries(episode):
             if each.says_nothing or (each.turn.index > 0) in misshapen:
                 continue
-            live = each.turn.live if not each.turn.index else each.turn.live & each.before
-            owed = live | {agent for agent in each.acted if each.has(agent)}
+            owed = each.turn.live | {agent for agent in each.acted if each.has(agent)}
             owed &= set(each.turn.agents)
             lost = sorted(a for a in owed if "info" in each.missing.get(a, ()) and not answers)
             if lost or not misshapen:

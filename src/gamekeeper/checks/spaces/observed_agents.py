@@ -127,13 +127,17 @@ def observe_is_of_its_agent(contract: Contract, evidence: ProbeEvidence) -> Case
 
 
 def _common(evidence: ProbeEvidence) -> Any:
-    """Places of numbers that no other agent observed otherwise than the one in turn."""
+    """Places of numbers that no other agent observed otherwise than the one in turn.
+
+    A number that was the same for all agents in turn, such as that of a rare card, decides nothing.
+    """
     views = [each.value for each in evidence.facts(OthersView) if each.value.failed is None]
     sizes = {each.size for each in views}
     if len(views) < LEAST_VIEWS or len(sizes) != 1 or not 0 < min(sizes) <= MOST_PLACES:
         return None
     differ = {place for each in views for place in each.differs}
-    return np.array([place for place in range(min(sizes)) if place not in differ], int)
+    moved = {place for each in views for place in each.moved}
+    return np.array([place for place in sorted(moved - differ) if place < min(sizes)], int)
 
 
 def _played(episode: Episode) -> _Turns | None:
