@@ -128,8 +128,10 @@ def masked_actions(evidence: Evidence) -> dict[str, tuple[int, int]]:
         for name, mask in turn.masks.items():
             space = agents[name].action_space if name in agents else None
             action = turn.actions.get(name)
+            if not isinstance(space, Discrete) or action is None:
+                continue  # a mask of another space may be a tuple of arrays
             flags = np.asarray(mask)
-            if not isinstance(space, Discrete) or action is None or flags.shape != (space.n,):
+            if flags.shape != (space.n,):
                 continue
             place = int(action) - int(space.start)
             masked[name] += 1
