@@ -241,7 +241,7 @@ def _verdict(check: Check, contract: Contract, recorded: _RowsAlone) -> Verdict:
         if judged.reason.startswith(NO_CASE) and recorded.wanted:
             judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
     findings = tuple(
-        Finding(str(x.where), words(x.expected), words(x.actual), check.fix, "")
+        Finding(str(x.where), words(x.expected), words(x.actual), x.fix or check.fix, "")
         for x in judged.shown
     )
     return verdict_of(judged, findings)
