@@ -414,6 +414,32 @@ class Lottery(Valley):
         return np.array([self.tickets[agent], self.paid])
 
 
+class Gifts(Valley):
+    """What an agent gives is paid to the next one, who sees it."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Nothing was given."""
+        self.given = dict.fromkeys(self.possible_agents, 0.0)
+        return super().reset(seed, options)
+
+    def step(self, actions: dict[Any, Any]) -> Any:
+        """All give at once."""
+        self.given = {a: float(action) for a, action in actions.items()}
+        return super().step(actions)
+
+    def got(self, agent: Any) -> float:
+        """Gift of the one before it."""
+        return self.given[self.possible_agents[self.possible_agents.index(agent) - 1]]
+
+    def reward(self, agent: Any) -> Any:
+        """What it got."""
+        return self.kind(self.got(agent))
+
+    def view(self, agent: Any) -> Any:
+        """What it gave and got."""
+        return np.array([self.given[agent], self.got(agent)])
+
+
 HABITS: dict[str, Any] = {
     "coerces_actions": Coerces,
     "refuses_by_its_own_exception_after_a_draw": Refuses,
@@ -440,4 +466,5 @@ HABITS: dict[str, Any] = {
     "blinks": Blinks,
     "pays_when_goods_arrive": Belt,
     "pays_by_a_price_drawn_later": Market,
+    "pays_the_next_one": Gifts,
 }

@@ -14,7 +14,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.where import Where
 from tests.auditing.small_games import Grab
 from tests.auditing.sound_games import Table
-from tests.auditing.sound_habits import Lottery
+from tests.auditing.sound_habits import Gifts, Lottery
 from tests.faults.payers import Pursuit
 from tests.faults.ticks import HANDS_CONTRACT, Hands
 from tests.faults.walkers import Walkers
@@ -131,6 +131,11 @@ def test_rewards_after_the_moves_are_kept() -> None:
 def test_slow_rules_are_no_late_reward() -> None:
     """A position that follows a push a tick later moves the reward later too, and is right."""
     assert verdict(Sled, "GK411").outcome == "passed"
+
+
+def test_gifts_that_are_seen_are_no_rewards_of_another_one() -> None:
+    """An agent that observes what it got is meant to be paid for what another one did."""
+    assert verdict(Gifts, "GK416", budget=1_500).outcome == "passed"
 
 
 def test_payment_by_a_later_draw_is_no_late_reward() -> None:

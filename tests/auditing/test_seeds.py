@@ -263,7 +263,9 @@ def test_seeds_volatile_infos_are_passed_over() -> None:
 
     assert broken(Stopwatch, ("GK601", "GK604", "GK605"), contract=contract) == []
     assert broken(Stopwatch, ("GK601", "GK604", "GK605")) == ["GK601"]
-    assert audited(Stopwatch, ("GK601",)).of("GK601").severity == "low"
+    found = audited(Stopwatch, ("GK601",)).of("GK601")
+    assert found.severity == "low"
+    assert "[infos] NAME = { volatile = true }" in found.findings[0].fix
 
 
 def test_seeds_audit_leaves_global_generators_as_they_were() -> None:

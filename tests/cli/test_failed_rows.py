@@ -4,9 +4,11 @@ from pathlib import Path
 
 import pytest
 
+import gamekeeper as gk
 from gamekeeper.auditing.recorded_evidence import failed_rows, masked_actions
 from gamekeeper.runs.load_run import load
 from gamekeeper.viewing.report_file import report
+from tests.auditing.sound_habits import Parts
 from tests.cli.lines import LINE, document, said
 
 SHRINKS = "tests.faults.spaces:Shrinking"
@@ -61,6 +63,11 @@ def test_actions_against_the_mask_are_counted(
     assert masked_actions(load(careless)) == {"player_2": (3, 3)}
     code, out, err = said(capfd, "rollout", TICTACTOE, "--episodes", 3, "--out", careful)
     assert (code, "their mask" in out) == (0, False), err
+
+
+def test_masks_of_several_arrays_are_left_to_the_audit() -> None:
+    """A MultiDiscrete action is masked by an array for each axis; such a rollout ends well."""
+    assert masked_actions(gk.rollout(Parts, episodes=1)) == {}
 
 
 TICTACTOE = "classic/tictactoe_v3"

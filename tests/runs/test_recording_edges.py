@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Discrete, Space
 from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
@@ -148,3 +148,71 @@ def test_rollout_that_a_policy_ended_says_so_in_the_run(tmp_path: Path) -> None:
     assert found.manifest["status"] == "finalized"
     assert "my network is broken (episode 0, turn 0); 1 of 3 episodes" in found.not_whole
     assert gk.verify(tmp_path / "run").ok
+
+
+class Even(Space[np.int64]):
+    """Even numbers below a bound: a space class that only its own code knows."""
+
+    def __init__(self, bound: int) -> None:
+        self.bound = bound
+        super().__init__((), np.int64)
+
+    def sample(self, mask: Any = None, probability: Any = None) -> np.int64:
+        """An even number."""
+        return np.int64(2 * self.np_random.integers(self.bound // 2))
+
+    def contains(self, x: Any) -> bool:
+        """Any even whole number below the bound."""
+        return isinstance(x, int | np.integer) and 0 <= x < self.bound and x % 2 == 0
+
+    @property
+    def is_np_flattenable(self) -> bool:
+        """It has no vector."""
+        return False
+
+
+class Strides(ParallelEnv):
+    """Walkers go on by even strides, and refuse all that is no such stride."""
+
+    metadata = {"name": "strides_v0"}  # noqa: RUF012  # as PettingZoo has it
+
+    def __init__(self) -> None:
+        self.possible_agents, self.agents = ["one", "two"], []
+        self.render_mode = None
+        self.observation_spaces = dict.fromkeys(self.possible_agents, Even(1_000))
+        self.action_spaces = {agent: Even(6) for agent in self.possible_agents}
+
+    def observation_space(self, agent: str) -> Space[Any]:
+        """Of the walked way."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> Space[Any]:
+        """Of the strides."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Both start at 0."""
+        self.agents = self.possible_agents[:]
+        self.walked = dict.fromkeys(self.agents, 0)
+        return self.walked.copy(), {agent: {} for agent in self.agents}
+
+    def step(self, actions: Any) -> Any:
+        """Walks; ten are enough."""
+        for agent, stride in actions.items():
+            if not self.action_spaces[agent].contains(stride):
+                raise ValueError(stride)
+            self.walked[agent] += int(stride)
+        acting, is_over = self.agents, max(self.walked.values()) >= 10
+        self.agents = [] if is_over else acting
+        ended = dict.fromkeys(acting, is_over), dict.fromkeys(acting, False)
+        return self.walked.copy(), dict.fromkeys(acting, 1.0), *ended, {a: {} for a in acting}
+
+
+def test_actions_of_a_space_class_of_its_own_are_read_and_replayed(tmp_path: Path) -> None:
+    """What the space was is not known from the run, its values are: they stand there as JSON."""
+    gk.rollout(f"{__file__}:Strides", episodes=2, out=tmp_path / "run")
+    first = gk.load(tmp_path / "run").episodes[0].turns[0]
+    assert first.actions.keys() == first.observations.keys() == {"one", "two"}
+    assert {action % 2 for action in first.actions.values()} == {0}
+    assert gk.replay(tmp_path / "run").verified
+    assert gk.audit(tmp_path / "run").failed == ()

@@ -128,8 +128,10 @@ def masked_actions(evidence: Evidence) -> dict[str, tuple[int, int]]:
         for name, mask in turn.masks.items():
             space = agents[name].action_space if name in agents else None
             action = turn.actions.get(name)
+            if not isinstance(space, Discrete) or action is None:
+                continue  # a mask of another space may be a tuple of arrays
             flags = np.asarray(mask)
-            if not isinstance(space, Discrete) or action is None or flags.shape != (space.n,):
+            if flags.shape != (space.n,):
                 continue
             place = int(action) - int(space.start)
             masked[name] += 1
@@ -239,7 +241,7 @@ def _verdict(check: Check, contract: Contract, recorded: _RowsAlone) -> Verdict:
         if judged.reason.startswith(NO_CASE) and recorded.wanted:
             judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
     findings = tuple(
-        Finding(str(x.where), words(x.expected), words(x.actual), check.fix, "")
+        Finding(str(x.where), words(x.expected), words(x.actual), x.fix or check.fix, "")
         for x in judged.shown
     )
     return verdict_of(judged, findings)

@@ -90,7 +90,8 @@ def _programs(check: Check, case: Case, reproduction: Reproduction) -> Programs:
         return reduce(partial(held_still, has_own_calls=is_own), holds, text)
 
     text = program(play, proof)
-    finding = Finding(str(case.where), expected, actual, check.fix, text, case.lines)
+    fix = case.fix or check.fix
+    finding = Finding(str(case.where), expected, actual, fix, text, case.lines)
     longer = [program(each, proof) for each in longer_episodes(play, begun)]
     unchanged = None if proof is None else unchanged_of(proof)
     return Programs(

@@ -227,8 +227,10 @@ def choice(env: Any, agent: Any, observation: Any, info: Any) -> Any:
     """A random action that the mask allows, if there is one."""
     for place in (observation, info):
         if isinstance(place, dict) and "action_mask" in place:
-            mask = np.asarray(place["action_mask"]).astype(np.int8)
-            return env.action_space(agent).sample(mask)
+            mask = place["action_mask"]
+            is_nested = isinstance(mask, (tuple, dict))  # one for each part of the space
+            flags = mask if is_nested else np.asarray(mask).astype(np.int8)
+            return env.action_space(agent).sample(flags)
     return env.action_space(agent).sample()
 
 

@@ -19,7 +19,7 @@ from gamekeeper.episodes.episode import Episode, Spaces
 from gamekeeper.episodes.known_extent import WHOLE, Extent, extent, is_open
 from gamekeeper.episodes.layout import Layout, spaces_json
 from gamekeeper.episodes.plain_json import legible
-from gamekeeper.episodes.spaces import Codec, UnknownSpace, space_from_json, space_to_json
+from gamekeeper.episodes.spaces import Codec, space_from_json, space_to_json
 from gamekeeper.episodes.summary import Summary, summarise
 from gamekeeper.episodes.tables import Tables, episode_rows
 from gamekeeper.episodes.views import Views
@@ -393,7 +393,6 @@ def _codec(described: Mapping[str, Any] | None) -> Codec | None:
 
 
 @lru_cache(maxsize=64)
-def _codec_of(text: str) -> Codec | None:
+def _codec_of(text: str) -> Codec:
     """One codec for equal spaces: agents share theirs, and so do the many episodes of an audit."""
-    space = space_from_json(json.loads(text))
-    return None if isinstance(space, UnknownSpace) else Codec(space)
+    return Codec(space_from_json(json.loads(text)))

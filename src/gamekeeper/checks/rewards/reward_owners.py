@@ -215,7 +215,7 @@ def rewards_are_of_their_own_agent(contract: Contract, evidence: ProbeEvidence) 
     of these is seen, while all agents are in the game: the actions of every agent move the reward
     of one agent, another one for each, and hardly ever its own; and a number of the observations,
     or the ending, moves by the actions of its own agent alone, so that these tell whose doing it
-    was.
+    was; and no number shows every payee what it is paid for, as that of a gift does.
 
     It is only suspected, as an environment may mean to pay agents for what another one does.
 
@@ -234,12 +234,13 @@ def rewards_are_of_their_own_agent(contract: Contract, evidence: ProbeEvidence) 
     told = [*done.shown().values(), done.endings.by_agent()]
     if not paid or not any(map(is_own, told)):
         return
+    is_crossed_alone = is_crossed(paid) and paid not in told  # a payee that sees it is meant
     for agent, other in paid.items():
         trial = done.rewards.trials[agent, other]
         yield Case(
             replace(trial.where, field="rewards"),
-            not is_crossed(paid),
+            not is_crossed_alone,
             "its own reward moves, as its observation or its ending does",
             f"another action of {agent!r} moves the reward of {other!r} alone",
-            _proof(trial.turn, trial.choice, agent, other) if is_crossed(paid) else None,
+            _proof(trial.turn, trial.choice, agent, other) if is_crossed_alone else None,
         )

@@ -147,11 +147,9 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
             asked = lines if change == "nothing" else ()
             for case in parted(each, _again(evidence.api, tells)):
                 is_minor = not case.ok and _is_of_infos(each)
-                yield (
-                    case
-                    if case.ok
-                    else replace(case, severity=LOW if is_minor else None, lines=asked)
-                )
+                if is_minor:
+                    case = replace(case, severity=LOW, fix=VOLATILE)
+                yield case if case.ok else replace(case, lines=asked)
         elif differs:
             continue  # by itself, whatever the clock says
         elif change == "the time of day":
@@ -159,6 +157,14 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
             yield from parted(each, proof, expected="the same episode, whatever the clock says")
         elif not any(x.divergence for x in plays if x is not each):
             yield from parted(each, _empty(evidence.api), expected="as without options")
+
+
+VOLATILE: Final = (
+    "declare an info that only measures, such as a clock, in a contract, so that the rest can be "
+    "judged: [infos] NAME = { volatile = true }; any other: draw it from a generator that "
+    "reset(seed) builds"
+)
+"""Fix of infos that alone differ."""
 
 
 def _is_of_infos(counterfactual: ProbeCounterfactual) -> bool:
