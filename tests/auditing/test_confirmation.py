@@ -6,6 +6,7 @@ import itertools
 import pickle
 import re
 import time
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -534,6 +535,23 @@ def test_an_exception_of_the_environment_shows_an_exception_alone(
             finding = Finding("here", "a number", actual, "", program)
             found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
             assert found[2] is is_shown
+
+
+@pytest.mark.parametrize("kind", ["SystemExit", "Collision"])
+def test_exception_of_any_name_is_shown_with_its_line(kind: str, tmp_path: Path) -> None:
+    """Its name needs no Error at its end, and the path of its file may have spaces."""
+    file = tmp_path / "a folder" / "collisions.py"
+    file.parent.mkdir()
+    file.write_text(f"class Collision(Exception): ...\ndef step():\n    raise {kind}('wall')\n")
+    program = f"import sys; sys.path.insert(0, {str(file.parent)!r})\nimport collisions\n"
+    program += "collisions.step()\n"
+    with WarmWorker(()) as worker:
+        work = Confirmation([worker], lambda: None, None)
+        for actual, shown in ((f"step raises {kind}: wall", True), ("NaN at [14]", False)):
+            finding = Finding("here", "a step", actual, "", program)
+            found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
+            assert found[2] is shown
+            assert found[0].lines == ((f"{file}:3",) if shown else ())
 
 
 def test_program_that_a_loaded_module_stops_runs_without_it() -> None:
