@@ -41,6 +41,7 @@ from gamekeeper.auditing.reproducer_process import FILE, raised_at
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper, within
 from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced, Verdict
+from gamekeeper.cli._audit import audit_code
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -310,6 +311,21 @@ def test_audit_ends_when_its_time_is_over() -> None:
     reasons = {each.reason for each in found.verdicts if each.outcome == "not_exercised"}
     assert "the audit's time was over" in reasons
     assert found.counts["passed"] > 0
+
+
+def test_audit_of_an_environment_that_hangs_ends_when_its_time_is_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It doesn't wait for a sign of life, says what it knows, and calls nothing a failure."""
+    monkeypatch.setattr("gamekeeper.auditing.audit_process.LATE_S", 1.0)
+    begun_s = time.monotonic()
+    found = audit(f"{GAMES}:Stuck", seconds=1.0, select=("GK21",))
+    assert time.monotonic() - begun_s < 60.0  # a sign of life is waited for twice as long
+    assert "time was over, and its environment hadn't answered" in found.stopped
+    assert {(each.outcome, each.reason) for each in found.verdicts} == {
+        ("not_exercised", found.stopped)
+    }
+    assert audit_code(found.to_json(), strict=False) == 2
 
 
 def test_first_of_several_takes_half_of_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:

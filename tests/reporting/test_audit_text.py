@@ -159,6 +159,8 @@ def test_not_exercised_checks_are_gathered_by_reason() -> None:
         "  GK1, GK2: no episode ended\n"
         "  gamekeeper explain ID says what a check promises."
     )
+    cut = not_exercised_text({**document, "stopped": "no episode ended, in time"}, width=80)
+    assert "  2 checks: no episode ended\n" in cut
 
 
 def test_not_exercised_checks_say_what_they_look_at() -> None:

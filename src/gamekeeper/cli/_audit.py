@@ -285,7 +285,7 @@ def _manner(document: Mapping[str, Any]) -> str:
 
 
 def audit_code(document: Mapping[str, Any], *, fail_on: Severity = "low", strict: bool) -> int:
-    """Returns 0: passed. 1: failed, as bad as `fail_on`. 2: an error.
+    """Returns 0: passed. 1: failed, as bad as `fail_on`. 2: an error, or ended with no answer yet.
 
     If strict, 2 is for suspected checks and those that were not exercised too.
     """
@@ -295,8 +295,10 @@ def audit_code(document: Mapping[str, Any], *, fail_on: Severity = "low", strict
     verdicts = document["verdicts"]
     if any(x["outcome"] == "failed" and x["severity"] in bad for x in verdicts):
         return 1
-    unsure = ("error", "not_exercised", "suspected") if strict else ("error",)
-    return 2 if any(each["outcome"] in unsure for each in verdicts) else 0
+    unsure = {"error", "not_exercised", "suspected"} if strict else {"error"}
+    outcomes = {each["outcome"] for each in verdicts}
+    has_answer = not document["stopped"] or outcomes & {"passed", "failed", "waived"}
+    return 2 if outcomes & unsure or not has_answer else 0
 
 
 def write_audit(folder: Path, document: Mapping[str, Any]) -> list[str]:

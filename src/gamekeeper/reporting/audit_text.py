@@ -268,7 +268,7 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
     parts: list[str] = []
     for title, found in ((NEEDS, needs), (REASONS, reasons)):
         count = sum(map(len, found.values()))
-        rows = [f"{', '.join(sorted(ids))}: {_short(text)}" for text, ids in found.items()]
+        rows = [f"{_named(ids, text, audit)}: {_short(text)}" for text, ids in found.items()]
         parts += filter(None, [items_text(title.format(count=count), rows, width)])
     if parts:
         parts[-1] += f"\n{INDENT}gamekeeper explain ID says what a check promises."
@@ -276,6 +276,12 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
         need = "check needs" if reruns == 1 else "checks need"
         parts.append(f"{reruns} {need} reruns: gamekeeper audit ENV (--json has their ids)")
     return "\n\n".join(parts)
+
+
+def _named(ids: Sequence[str], reason: str, audit: Document) -> str:
+    """Ids of checks; the number of those that the end of the audit alone left out."""
+    is_cut = audit["stopped"].startswith(reason)
+    return _counted(len(ids), "check") if is_cut else ", ".join(sorted(ids))
 
 
 def minor_text(audit: Document, *, width: int) -> str:
