@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import quote
 
@@ -368,12 +369,30 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         GamekeeperError: it can't be written.
     """
-    try:
+    with _written("file", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8", errors="replace")
+
+
+def make_folder(folder: Path) -> None:
+    """Makes the folder of `--out`, before the work whose results are to go there.
+
+    Raises:
+        GamekeeperError: it can't be made, or no file in it.
+    """
+    with _written("folder", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=folder).close()
+
+
+@contextmanager
+def _written(what: str, path: Path) -> Iterator[None]:
+    """Tells what the system says against writing."""
+    try:
+        yield
     except OSError as error:
         raise GamekeeperError(
-            "the file can't be written",
+            f"the {what} can't be written",
             where=str(path),
             actual=error.strerror or str(error),
             fix="name a place that you may write to",
