@@ -241,6 +241,16 @@ class Slow(Sound):
         return super().step(actions)
 
 
+class Stuck(Sound):
+    """Its third step never returns."""
+
+    def step(self, actions: Any) -> Any:
+        """Waits for what doesn't come."""
+        while self.tick == 2:
+            time.sleep(0.1)
+        return super().step(actions)
+
+
 class Lingers(Sound):
     """An agent that ends early stays in `agents`, and is paid as long as it does."""
 

@@ -6,6 +6,7 @@ import itertools
 import pickle
 import re
 import time
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,6 +42,7 @@ from gamekeeper.auditing.reproducer_process import FILE, raised_at
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.auditing.wrapper_faults import faulty_wrapper, within
 from gamekeeper.checks.verdict import Finding, FollowsFrom, Reproduced, Verdict
+from gamekeeper.cli._audit import audit_code
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -336,6 +338,21 @@ def test_audit_ends_when_its_time_is_over() -> None:
     assert found.counts["passed"] > 0
 
 
+def test_audit_of_an_environment_that_hangs_ends_when_its_time_is_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It doesn't wait for a sign of life, says what it knows, and calls nothing a failure."""
+    monkeypatch.setattr("gamekeeper.auditing.audit_process.LATE_S", 1.0)
+    begun_s = time.monotonic()
+    found = audit(f"{GAMES}:Stuck", seconds=1.0, select=("GK21",))
+    assert time.monotonic() - begun_s < 60.0  # a sign of life is waited for twice as long
+    assert "time was over, and its environment hadn't answered" in found.stopped
+    assert {(each.outcome, each.reason) for each in found.verdicts} == {
+        ("not_exercised", found.stopped)
+    }
+    assert audit_code(found.to_json(), strict=False) == 2
+
+
 def test_first_of_several_takes_half_of_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a slow reproducer leaves is for those after it."""
     monkeypatch.setattr(time, "monotonic", lambda: 100.0)
@@ -559,6 +576,23 @@ def test_an_exception_of_the_environment_shows_an_exception_alone(
             finding = Finding("here", "a number", actual, "", program)
             found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
             assert found[2] is is_shown
+
+
+@pytest.mark.parametrize("kind", ["SystemExit", "Collision"])
+def test_exception_of_any_name_is_shown_with_its_line(kind: str, tmp_path: Path) -> None:
+    """Its name needs no Error at its end, and the path of its file may have spaces."""
+    file = tmp_path / "a folder" / "collisions.py"
+    file.parent.mkdir()
+    file.write_text(f"class Collision(Exception): ...\ndef step():\n    raise {kind}('wall')\n")
+    program = f"import sys; sys.path.insert(0, {str(file.parent)!r})\nimport collisions\n"
+    program += "collisions.step()\n"
+    with WarmWorker(()) as worker:
+        work = Confirmation([worker], lambda: None, None)
+        for actual, shown in ((f"step raises {kind}: wall", True), ("NaN at [14]", False)):
+            finding = Finding("here", "a step", actual, "", program)
+            found = work.finding(Programs(finding, (program,), compares=False, unchanged=""))
+            assert found[2] is shown
+            assert found[0].lines == ((f"{file}:3",) if shown else ())
 
 
 def test_program_that_a_loaded_module_stops_runs_without_it() -> None:

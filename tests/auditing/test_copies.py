@@ -4,9 +4,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete
 from gymnasium.utils import EzPickle
 
 from gamekeeper.auditing.audit import audit_here
+from gamekeeper.checks.reproducers import becomes_parallel
 from gamekeeper.reporting.audit_text import minor_text
 from tests.faults.lanterns import Lanterns
 from tests.faults.rovers import Rovers
@@ -118,6 +120,29 @@ class Shared(Traders):
 def test_what_belongs_to_the_class_moves_with_every_copy() -> None:
     """A generator of the class is drawn from by the copy, so the original goes another way."""
     assert outcomes(Shared, "GK702") == {"GK702": "failed"}
+
+
+class Sudden(Lanterns):
+    """One action of twelve, of the first keeper, ends its only round for all in mid-cycle."""
+
+    def __init__(self) -> None:
+        super().__init__(rounds=1)
+        self._done = {agent: Discrete(12) for agent in self.possible_agents}
+
+    def step(self, action: Any) -> None:
+        """Ends where the first keeper draws a 1."""
+        is_over = action == 1 and self.agent_selection == self.possible_agents[0]
+        super().step(None if action is None else action % 4)
+        if is_over:
+            self.terminations = dict.fromkeys(self.agents, True)
+
+
+def test_program_of_a_conversion_plays_until_a_rare_action_was_drawn() -> None:
+    """The first of its episodes alone doesn't show a death in mid-cycle."""
+    assert Discrete(12, seed=0).sample() != 1
+    with pytest.raises(ValueError, match="agent is dead"):
+        becomes_parallel(Sudden, 1)
+    becomes_parallel(Lanterns, 1)
 
 
 def test_conversion_is_asked_only_where_it_is_promised() -> None:

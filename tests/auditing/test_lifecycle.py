@@ -168,6 +168,23 @@ def test_a_reset_needs_no_argument() -> None:
     assert "reset()" in verdict.findings[0].reproducer
 
 
+class TakesNoSeed(Rovers):
+    """Its reset takes no argument at all."""
+
+    def reset(self) -> Any:  # type: ignore[override]  # the fault
+        """Begins always the same."""
+        return super().reset(1)
+
+
+def test_a_reset_that_takes_no_seed_is_one_finding() -> None:
+    """What tells the signature says how to fix it; that no episode begins so isn't told again."""
+    audit = audited(TakesNoSeed)
+    refused = audit.of("GK524")
+    assert (refused.outcome, refused.severity) == ("failed", "high")
+    assert "unexpected keyword argument 'seed'" in refused.findings[0].actual
+    assert audit.of("GK523").outcome != "failed"
+
+
 @pytest.mark.parametrize(
     ("kind", "outcome"), [(TypeError, "failed"), (KeyError, "passed"), (ValueError, "passed")]
 )

@@ -38,3 +38,12 @@ def test_difference_of_dictionaries_is_told_where_it_lies() -> None:
     one, two = ({"events": {f"event_{k}": k // 9 == late for k in range(40)}} for late in (1, 2))
     told = told_difference(Divergence(0, 3, "a", "info", one, two))
     assert told == "info['a']['events']['event_9'] at turn 3 is false, not true"
+
+
+def test_difference_of_lists_is_told_where_it_lies() -> None:
+    """Of rows the first that differs, and tuples stand as lists."""
+    one, two = [(2, 6), (3, 5)], [(2, 6), (4, 5)]
+    told = told_difference(Divergence(0, 0, "a", "obs.resources", one, two))
+    assert told == "obs.resources['a'][1][0] at turn 0 is 4, not 3"
+    told = told_difference(Divergence(0, 0, "a", "obs.resources", one, two[:1]))
+    assert told == "obs.resources['a'] at turn 0 is [[2,6]], not [[2,6],[3,5]]"

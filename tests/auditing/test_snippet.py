@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import operator
+import subprocess
+import sys
 from enum import Enum
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -123,3 +126,19 @@ def test_home_needs_pettingzoo_alone_where_it_can() -> None:
     assert home("classic/go-v5", shipped, {}).make == "pettingzoo.make('aec', 'classic/go-v5')"
     assert "gk.make('warehouse'" in home("warehouse", {"kind": "id"}, {}).make
     assert home("<object>", {"kind": "object"}, {}).make == ""
+
+
+def test_program_finds_a_module_of_the_current_folder_from_any_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A script's path begins with its own folder, and lacks the one that it was started in."""
+    (tmp_path / "a farm").mkdir()
+    (tmp_path / "a farm" / "barn_of_snippets.py").write_text("def make():\n    return 'a barn'\n")
+    monkeypatch.chdir(tmp_path / "a farm")
+    found = home("x", {"kind": "module", "entry_point": "barn_of_snippets:make"}, {})
+    text = snippet(found, "parallel", EpisodePlan(actions=[]), None, title="x", shows="y")
+    program = tmp_path / "program.py"
+    program.write_text(text.replace("env = make()", "print(make())").partition("observations")[0])
+    command = [sys.executable, "-I", str(program)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout == "a barn\n"

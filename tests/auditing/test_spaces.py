@@ -131,6 +131,19 @@ def test_spaces_of_an_object_are_looked_at() -> None:
     assert verdict.outcome == "passed"
 
 
+class OneForAll(Rovers):
+    """An attribute holds a space where PettingZoo has a method that gives an agent's."""
+
+    action_space = spaces.Discrete(5)  # type: ignore[assignment]  # the fault
+
+
+def test_space_in_place_of_its_method_is_called_so() -> None:
+    """The finding names what the attribute is, in place of the TypeError of its call."""
+    finding = audited(OneForAll, "GK201").of("GK201").findings[0]
+    assert finding.actual == "action_space is a Discrete and no method, before reset"
+    assert "action_space(agent)" in finding.fix
+
+
 def test_late_spaces_still_judge_observations() -> None:
     """Spaces that exist only after a reset are late, and what misses them is told beside."""
 

@@ -94,6 +94,18 @@ def test_files_are_written(
     assert "SEED" in Path("out/GK402.py").read_text()
 
 
+def test_folder_that_can_not_be_written_is_told_before_the_audit(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The audit, which may take long, isn't made for nothing."""
+    (tmp_path / "file").write_text("kept")
+    code, out, err = said(capfd, "audit", PAID, *QUICK, "--out", str(tmp_path / "file"))
+    assert (code, out) == (2, "")
+    assert "the folder can't be written" in err
+    assert "GK402" not in err
+    assert (tmp_path / "file").read_text() == "kept"
+
+
 def test_sarif_names_files_inside_the_folder_from_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -240,6 +240,30 @@ def test_open_env_of_a_file_that_imports_its_package_names_the_module(
     assert "pip install" not in said
 
 
+def test_open_env_of_a_file_that_imports_from_a_folder_above_says_where_to_start(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A module that lies above the file's folder isn't offered for installation either."""
+    number = next(_NUMBER)
+    write("", f"farm/barn_{number}.py")
+    write(f"import barn_{number}\n", f"farm/envs/env_{number}.py")
+    monkeypatch.chdir(tmp_path)
+    said = told(f"farm/envs/env_{number}.py:make")
+    assert f"'barn_{number}' is in {tmp_path / 'farm'}" in said
+    assert f"start there, and name the environment by its module, envs.env_{number}:NAME" in said
+    assert "pip install" not in said
+
+
+def test_open_env_of_a_dot_in_place_of_a_colon_names_what_is_meant(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A function of a module is no module, and is offered as what it is."""
+    module = f"field_{next(_NUMBER)}"
+    write("def make(): ...\n", f"{module}.py")
+    monkeypatch.chdir(tmp_path)
+    assert f"did you mean {module}:make?" in told(f"{module}.make")
+
+
 def test_open_env_takes_an_environment_object() -> None:
     """The object itself; its class is named for another process, or what to add is."""
     env = Pair()

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from gamekeeper.checks.verdict import NO_CASE
@@ -35,6 +37,20 @@ def test_broken_promises_stand_by_severity() -> None:
     assert high.splitlines()[0] == "  GK402  Should hold: The promise of GK402."
     for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
         assert word in high
+
+
+def test_many_cases_and_places_of_this_folder_are_easy_to_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Thousands have their comma, and a file of the current folder no long path."""
+    monkeypatch.chdir(tmp_path)
+    lines = [f"{tmp_path}/envs/rovers.py:7", "/elsewhere/rovers.py:8"]
+    document = audit(
+        verdict("GK402", "failed", cases=3068, failed=3068, findings=[finding(lines=lines)])
+    )
+    block = dict(failed_blocks(document, width=120))["Failed: high severity"]
+    assert "3,068 of 3,068 cases" in block
+    assert "lines     envs/rovers.py:7, /elsewhere/rovers.py:8" in block
 
 
 def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
@@ -143,6 +159,8 @@ def test_not_exercised_checks_are_gathered_by_reason() -> None:
         "  GK1, GK2: no episode ended\n"
         "  gamekeeper explain ID says what a check promises."
     )
+    cut = not_exercised_text({**document, "stopped": "no episode ended, in time"}, width=80)
+    assert "  2 checks: no episode ended\n" in cut
 
 
 def test_not_exercised_checks_say_what_they_look_at() -> None:

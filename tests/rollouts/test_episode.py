@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.episodes.divergence import compare
-from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
+from gamekeeper.rollouts.episode_loop import EpisodePlan, FailedCall, perform
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 from gamekeeper.rollouts.reruns import shrink
 from gamekeeper.runs.recording import joint_policy_of
@@ -107,3 +107,9 @@ def test_a_shrunk_play_leaves_no_live_agent_out() -> None:
 
     assert len(seen) > 2
     assert all(turn.keys() == every.keys() for each in seen for turn in each)
+
+
+def test_exception_without_a_text_ends_in_its_kind() -> None:
+    """A bare assertion has nothing to say after a colon."""
+    assert FailedCall("step", 1, "AssertionError", "", "").said == "AssertionError"
+    assert FailedCall("step", 1, "KeyError", "'a'", "").said == "KeyError: 'a'"

@@ -8,10 +8,11 @@ from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from tempfile import mkstemp
+from threading import Event, Timer
 from typing import Any, Final
 
 from gamekeeper.auditing.audit import BUDGET, QUICK, AuditAttempt, OnProbe, audit_here
-from gamekeeper.auditing.gather import INTERRUPTED
+from gamekeeper.auditing.gather import INTERRUPTED, TIME_UP
 from gamekeeper.auditing.recorded_evidence import audit_run, is_run
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.check import selected
@@ -25,6 +26,8 @@ from gamekeeper.terminal import say as say_on_stderr
 TASK: Final = "gamekeeper.auditing.audit_process:audit_task"
 SILENCE_S: Final = 120.0
 """A probe is given up after so long; its checks are not exercised, and it is named as hung."""
+LATE_S: Final = 10.0
+"""An audit is interrupted so long after the time that it was given: its environment hangs."""
 HASH_SEED: Final = 0
 """PYTHONHASHSEED of the process, so that the same audit lists sets in the same order again."""
 MOST_DEATHS: Final = 6
@@ -183,23 +186,28 @@ def _tried(
         if on_probe is not None:
             on_probe(current, message["place"], message["count"])
 
-    outcome = run_task(
-        TASK,
-        {"spec": spec, "died": dict(died), **asked},
-        silence_s=silence_s,
-        memory_bytes=memory_bytes,
-        on_message=take,
-        hash_seed=HASH_SEED,
-    )
+    with _ended_late(asked) as late:
+        outcome = run_task(
+            TASK,
+            {"spec": spec, "died": dict(died), **asked},
+            silence_s=silence_s,
+            memory_bytes=memory_bytes,
+            on_message=take,
+            hash_seed=HASH_SEED,
+            stop=late,
+        )
+    result = None
     if isinstance(outcome.value, dict):
         if outcome.value["error"] is not None:
             raise error_of(outcome.value["error"])
         result = AuditResult.from_json(outcome.value["audit"])
-        if outcome.status == "interrupted":
-            raise AuditInterruptedError(result)
-        return result
     if outcome.status == "interrupted":
-        raise AuditInterruptedError(_nothing_known(spec, asked, outcome.seconds))
+        result = result or _nothing_known(spec, asked, outcome.seconds)
+        if not late.is_set():
+            raise AuditInterruptedError(result)
+        return _without_time(result)
+    if result is not None:
+        return result
     if outcome.status == "raised" or not current or current in died:
         raise EnvError(
             f"the environment's process {outcome.status}: {outcome.error}",
@@ -209,6 +217,33 @@ def _tried(
         )
     died[current] = f"{outcome.status}: {outcome.error}"
     return None
+
+
+@contextmanager
+def _ended_late(asked: Mapping[str, Any]) -> Iterator[Event]:
+    """Yields what is set where an audit goes on long after its time, as in a call that hangs."""
+    late = Event()
+    if asked["seconds"] is None:
+        yield late
+        return
+    left_s = asked["begun_s"] + asked["seconds"] + LATE_S - time.monotonic()
+    timer = Timer(max(left_s, LATE_S), late.set)  # a later try has to judge what is known
+    timer.daemon = True
+    timer.start()
+    try:
+        yield late
+    finally:
+        timer.cancel()
+
+
+def _without_time(result: AuditResult) -> AuditResult:
+    """The audit that was interrupted as its time was over, which is its reason then."""
+    reason = f"{TIME_UP}, and its environment hadn't answered {LATE_S:g} s later"
+    verdicts = (
+        replace(each, reason=reason) if each.reason == INTERRUPTED else each
+        for each in result.verdicts
+    )
+    return replace(result, verdicts=tuple(verdicts), stopped=reason)
 
 
 def _nothing_known(spec: str, asked: Mapping[str, Any], seconds: float) -> AuditResult:

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 from gamekeeper.auditing.causes import AS_DRAWN, HOLDS, OF_DRAWS
 from gamekeeper.auditing.held_programs import SIMPLER, held_still
@@ -38,7 +38,7 @@ NOT_SHOWN: Final = ("SyntaxError", "ImportError", "ModuleNotFoundError", *OF_LIN
 """Exceptions of a program that can't run at all; they show nothing of the environment."""
 SPACES: Final = str(Path("gymnasium", "spaces"))
 """Part of the path of Gymnasium's spaces, which refuse by an exception."""
-EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception)):")
+EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception))(?=:|$)")
 """The class of an exception in the words of a finding."""
 IS_EXCEPTION: Final = re.compile(r"(Error|Exception|\braise[sd])\b")
 """Words of a finding that is an exception."""
@@ -87,6 +87,14 @@ class Programs:
         return program
 
 
+class Raised(NamedTuple):
+    """An exception of the environment's, by the line that raised it; empty where there is none."""
+
+    at: str = ""
+    kind: str = ""
+    text: str = ""
+
+
 @dataclass(slots=True)
 class Confirmation:
     """Runs reproducers in fresh processes.
@@ -102,7 +110,7 @@ class Confirmation:
     until_s: float | None
     _seen: dict[tuple[str, ProgramEnd], bool] = field(default_factory=dict)
     _absent: set[str] = field(default_factory=set)
-    _raised: dict[str, str] = field(default_factory=dict)
+    _raised: dict[str, Raised] = field(default_factory=dict)
     _told: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -110,18 +118,21 @@ class Confirmation:
         """Tells whether the time is spent."""
         return self.until_s is not None and time.monotonic() > self.until_s
 
-    def failures(self, program: str, *, names_exception: bool = False) -> tuple[int, int]:
+    def failures(self, program: str, *, actual: str = "") -> tuple[int, int]:
         """Numbers of processes that showed the fault and that were tried, up to one that didn't.
 
         Args:
             program: the reproducer.
-            names_exception: the finding is an exception, so that one of the environment's shows it.
+            actual: of the finding; where it is an exception, one of the environment's shows it.
         Raises:
             TimeUpError: the time was over before that many had ended.
         """
         failed = tried = 0
         for ends in self._rounds(program):
-            showing = sum(end == "failed" or (names_exception and end == "raised") for end in ends)
+            kind = self._raised[program].kind  # SystemExit, say, or a name of the environment's own
+            is_told = kind != "" and f"{kind}:" in f"{actual}:"
+            shows = ("failed", "raised") if is_told or IS_EXCEPTION.search(actual) else ("failed",)
+            showing = sum(end in shows for end in ends)
             failed, tried = failed + showing, tried + len(ends)
             if showing < len(ends):
                 break
@@ -152,7 +163,7 @@ class Confirmation:
         whole, shortest = (each.held(p, holds) for p in (each.whole, each.finding.reproducer))
         if self.passes(whole):
             return True
-        if self._raised[whole] == "" and whole not in self._absent:
+        if not self._raised[whole].at and whole not in self._absent:
             return False
         is_same_game = len(holds) == 1 and not holds[0].is_general
         return self.passes(shortest, without="absent" if is_same_game else "passed")
@@ -178,10 +189,10 @@ class Confirmation:
             self._absent |= {program} if end == "absent" else set()
             yield [end for end, _, _ in ends]
 
-    def raised(self, findings: Iterable[Finding]) -> str:
+    def raised(self, findings: Iterable[Finding]) -> Raised:
         """The one exception, of a line of the environment's, in all their programs; else empty."""
-        found = {self._raised.get(each.reproducer, "") for each in findings}
-        return found.pop() if len(found) == 1 else ""
+        found = {self._raised.get(each.reproducer, Raised()) for each in findings}
+        return found.pop() if len(found) == 1 else Raised()
 
     def finding(self, each: Programs) -> tuple[Finding, Reproduced, bool]:
         """The finding with the shortest of its programs that fails everywhere; whether one does.
@@ -189,17 +200,16 @@ class Confirmation:
         A shrunk program that passes by chance gives way to one of more turns.
         """
         finding, unchanged = each.finding, None
-        is_exception = IS_EXCEPTION.search(finding.actual) is not None
-        failed, tried = self.failures(finding.reproducer, names_exception=is_exception)
+        failed, tried = self.failures(finding.reproducer, actual=finding.actual)
         longer = [program for program in each.longer if program != finding.reproducer]
         for program in longer if failed < tried else ():
-            again = self.failures(program, names_exception=is_exception)
+            again = self.failures(program, actual=finding.actual)
             if again[0] == again[1]:
                 (failed, tried), finding = again, replace(finding, reproducer=program)
                 break
         is_shown = failed == tried
         finding = self._as_shown(finding) if is_shown else finding
-        at = self._raised.get(finding.reproducer, "").partition(" ")[0] if is_shown else ""
+        at = self._raised.get(finding.reproducer, Raised()).at if is_shown else ""
         if at and not is_of_library(at):
             finding = replace(finding, lines=(at,))
         if is_shown and each.unchanged:
@@ -232,7 +242,7 @@ class Confirmation:
         return replace(finding, actual=told, reproducer=text)
 
 
-def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, str, str]:
+def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, Raised, str]:
     """End of a program; where it can't run beside the modules of its worker, without them."""
     end = _end_in(worker, program, limit_s)
     if end[0] != "not run":
@@ -241,7 +251,7 @@ def _end_of(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
         return _end_in(bare, program, limit_s)
 
 
-def _end_in(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, str, str]:
+def _end_in(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEnd, Raised, str]:
     """End of a program in a process of its own; failed: by what its environment does.
 
     With it the exception and its line, where no line of the program itself raised it, and the
@@ -249,15 +259,16 @@ def _end_in(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
     """
     outcome = worker.run(TASK, {"program": program}, silence_s=None, limit_s=limit_s)
     if not isinstance(outcome.value, dict):
-        return ("failed" if outcome.status in ("died", "hung") else "not run"), "", ""
+        return ("failed" if outcome.status in ("died", "hung") else "not run"), Raised(), ""
     raised, text, at = (outcome.value[name] for name in ("raised", "text", "at"))
     if raised is None:
-        return "passed", "", ""
+        return "passed", Raised(), ""
     is_shown = raised not in NOT_SHOWN or (raised in OF_LINES and at)
     end: ProgramEnd = "raised" if at and SPACES not in at else "failed"
     if not is_shown:
         end = "absent" if raised == "StopIteration" else "not run"
-    return end, at and f"{at} {raised}: {text}", " ".join(outcome.value["told"].split())
+    by = Raised(at, raised, text) if at else Raised()
+    return end, by, " ".join(outcome.value["told"].split())
 
 
 def confirmed(
@@ -314,7 +325,7 @@ def _confirmed(
 ) -> tuple[Verdict, ...]:
     found = {verdict.id: verdict for verdict, _ in drafts}
     causes: list[str] = []
-    exceptions: dict[str, str] = {}
+    exceptions: dict[Raised, str] = {}
     end_s, is_open = work.until_s, False
     waiting = [each for each in sorted(drafts, key=_order) if each[0].outcome == "failed"]
     waiting = [each for each in waiting if each[1]]
@@ -338,7 +349,7 @@ def _confirmed(
             continue
         if found[verdict.id].outcome == "failed":
             raised = work.raised(found[verdict.id].findings)
-            first = exceptions.setdefault(raised, verdict.id) if raised else verdict.id
+            first = exceptions.setdefault(raised, verdict.id) if raised.at else verdict.id
             if first != verdict.id:
                 found[verdict.id] = replace(found[verdict.id], follows_from=FollowsFrom(first))
             elif verdict.id in HOLDS:

@@ -63,6 +63,6 @@ def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
         name, text = type(error).__name__, str(error)[:500]
         shown = error.args[0] if error.args and not place else None  # of `assert error is None`
         told = f"{type(shown).__name__}: {text}" if isinstance(shown, BaseException) else ""
-        told = f"{name}: {text}" if place else told
+        told = f"{name}: {text}".removesuffix(": ") if place else told
         return {"raised": name, "text": text, "at": place, "told": told}
     return {"raised": None, "text": "", "at": "", "told": ""}

@@ -3,7 +3,7 @@
 import keyword
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, Final
 
 from gamekeeper.auditing.held_programs import pruned
@@ -11,6 +11,7 @@ from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.literal import literal, step_literal
 from gamekeeper.checks.reproducer_source import text_of
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.construction import is_in_folder
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 
 WIDTH: Final = 96
@@ -52,7 +53,11 @@ def home(spec: str, identity: Mapping[str, Any], kwargs: Mapping[str, Any]) -> H
     if kind in ("object", "factory") or spec.startswith("<"):  # what it was built with is its own
         return Home((), "")
     if kind == "module" and not is_converted and factory.isidentifier():
-        return Home((f"from {module} import {factory} as build",), f"build({given})")
+        imported, folder = f"from {module} import {factory} as build", Path.cwd()
+        if not is_in_folder(module.partition(".")[0], folder):
+            return Home((imported,), f"build({given})")
+        added = f"sys.path.append({str(folder)!r})"  # a program may lie in another folder
+        return Home(("import sys", added, imported), f"build({given})")
     if kind == "file" and not is_converted and factory.isidentifier():
         path = PurePath(str(identity["path"]))
         if path.stem.isidentifier() and not keyword.iskeyword(path.stem):

@@ -128,10 +128,13 @@ def checks() -> dict[str, Check]:
 def selected(select: tuple[str, ...] = (), ignore: tuple[str, ...] = ()) -> dict[str, Check]:
     """The checks whose ids begin with one of `select` (all if empty) and none of `ignore`.
 
+    Small letters are as good.
+
     Raises:
         EvidenceError: a text begins no check's id.
     """
     known = checks()
+    select, ignore = (tuple(map(str.upper, texts)) for texts in (select, ignore))
     for text in (*select, *ignore):
         if not any(id.startswith(text) for id in known):
             raise EvidenceError(

@@ -76,10 +76,12 @@ def told_difference(divergence: Divergence) -> str:
 
 
 def _unlike(one: Any, two: Any) -> tuple[str, str, str]:
-    """Both values in words; of arrays and dictionaries the first that differs, with its place."""
-    if isinstance(one, dict) and isinstance(two, dict):
-        for key in {**one, **two}:
-            pair = one.get(key), two.get(key)
+    """Both values in words; of several the first that differs, with its place."""
+    are_rows = type(one) is type(two) and type(one) in (list, tuple) and len(one) == len(two)
+    items = [dict(enumerate(each)) for each in (one, two)] if are_rows else [one, two]
+    if all(isinstance(each, dict) for each in items):
+        for key in {**items[0], **items[1]}:
+            pair = items[0].get(key), items[1].get(key)
             if literal(pair[0]) != literal(pair[1]):
                 shown_one, shown_two, inside = _unlike(*pair)
                 return shown_one, shown_two, f"[{key!r}]{inside}"

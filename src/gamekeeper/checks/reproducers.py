@@ -235,18 +235,19 @@ def choice(env: Any, agent: Any, observation: Any, info: Any) -> Any:
 
 
 def becomes_parallel(make: Callable[[], Any], seed: int) -> None:
-    """Plays in PettingZoo's own conversion to the Parallel interface."""
+    """Plays episodes in PettingZoo's own conversion to the Parallel interface."""
     from pettingzoo.utils.conversions import aec_to_parallel
 
     env = aec_to_parallel(make())
-    env.reset(seed=seed)
-    for space in map(env.action_space, env.possible_agents):
-        space.seed(0)
-    for _ in range(200):
-        inner = env.aec_env
-        if not env.agents:
-            break
-        env.step({a: choice(env, a, inner.observe(a), inner.infos.get(a)) for a in env.agents})
+    for draw in range(20):
+        env.reset(seed=seed)
+        for space in map(env.action_space, env.possible_agents):
+            space.seed(draw)
+        for _ in range(200):
+            inner = env.aec_env
+            if not env.agents:
+                break
+            env.step({a: choice(env, a, inner.observe(a), inner.infos.get(a)) for a in env.agents})
 
 
 def agents_leave_by_ending(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> None:

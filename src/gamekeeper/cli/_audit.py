@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import quote
 
@@ -285,7 +286,7 @@ def _manner(document: Mapping[str, Any]) -> str:
 
 
 def audit_code(document: Mapping[str, Any], *, fail_on: Severity = "low", strict: bool) -> int:
-    """Returns 0: passed. 1: failed, as bad as `fail_on`. 2: an error.
+    """Returns 0: passed. 1: failed, as bad as `fail_on`. 2: an error, or ended with no answer yet.
 
     If strict, 2 is for suspected checks and those that were not exercised too.
     """
@@ -295,8 +296,10 @@ def audit_code(document: Mapping[str, Any], *, fail_on: Severity = "low", strict
     verdicts = document["verdicts"]
     if any(x["outcome"] == "failed" and x["severity"] in bad for x in verdicts):
         return 1
-    unsure = ("error", "not_exercised", "suspected") if strict else ("error",)
-    return 2 if any(each["outcome"] in unsure for each in verdicts) else 0
+    unsure = {"error", "not_exercised", "suspected"} if strict else {"error"}
+    outcomes = {each["outcome"] for each in verdicts}
+    has_answer = not document["stopped"] or outcomes & {"passed", "failed", "waived"}
+    return 2 if outcomes & unsure or not has_answer else 0
 
 
 def write_audit(folder: Path, document: Mapping[str, Any]) -> list[str]:
@@ -366,12 +369,30 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         GamekeeperError: it can't be written.
     """
-    try:
+    with _written("file", path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8", errors="replace")
+
+
+def make_folder(folder: Path) -> None:
+    """Makes the folder of `--out`, before the work whose results are to go there.
+
+    Raises:
+        GamekeeperError: it can't be made, or no file in it.
+    """
+    with _written("folder", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=folder).close()
+
+
+@contextmanager
+def _written(what: str, path: Path) -> Iterator[None]:
+    """Tells what the system says against writing."""
+    try:
+        yield
     except OSError as error:
         raise GamekeeperError(
-            "the file can't be written",
+            f"the {what} can't be written",
             where=str(path),
             actual=error.strerror or str(error),
             fix="name a place that you may write to",

@@ -10,6 +10,7 @@ from gamekeeper.cli._audit import (
     audit_code_of,
     audit_many,
     audit_with_progress,
+    make_folder,
     say_not_exercised,
     show_audit,
     show_audits,
@@ -94,6 +95,8 @@ def command(
         "memory_mb": memory,
     }
     exits: dict[str, Any] = {"fail_on": fail_on, "strict": strict}
+    if out is not None:
+        make_folder(out)
     if len(env) > 1 or seeds > 1:
         documents = audit_many(
             screen, env, range(seed, seed + seeds), workers=workers, executor=executor, **asked

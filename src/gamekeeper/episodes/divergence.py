@@ -85,13 +85,13 @@ def shown_pair(one: Any, two: Any) -> tuple[str, str]:
 
 
 def _as_lists(value: Any) -> Any:
-    """The value with arrays as lists, whose type and shape a reader seldom needs."""
+    """The value with arrays and tuples as lists, whose type and shape a reader seldom needs."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
         return value.tolist()
     if isinstance(value, dict):
         return {key: _as_lists(each) for key, each in value.items()}
     if type(value) in (list, tuple):
-        return type(value)([_as_lists(each) for each in value])
+        return [_as_lists(each) for each in value]
     return value
 
 

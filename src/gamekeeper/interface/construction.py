@@ -80,18 +80,32 @@ def foreign_traceback(error: BaseException) -> str:
 def _fix(error: BaseException, pip: str, where: str) -> str:
     if isinstance(error, ModuleNotFoundError) and error.name:
         top = error.name.partition(".")[0]
-        if not pip and any(Path(top + end).exists() for end in ("", ".py")):
-            file, _, name = where.partition(":")
-            module = ".".join(Path(file).with_suffix("").parts)
+        file, _, name = where.partition(":")
+        folder = None if pip else _folder_above(Path(file), top)
+        if folder is not None:
+            is_here = folder == Path.cwd()
+            module = ".".join(Path(file).resolve().relative_to(folder).with_suffix("").parts)
             return (
-                f"'{top}' is in the current folder, which a file can't import from: name the "
-                f"environment by its module, {module}:{name or 'NAME'}"
+                f"'{top}' is in {'the current folder' if is_here else folder}, which a file can't "
+                f"import from: {'' if is_here else 'start there, and '}name the environment by its "
+                f"module, {module}:{name or 'NAME'}"
             )
         line = pip or f"pip install {top}"
         return f"install what provides the module '{error.name}': {line}"
     if isinstance(error, ImportError) and pip:
         return pip
     return ""
+
+
+def _folder_above(file: Path, module: str) -> Path | None:
+    """The nearest folder above a Python file's own that has the module; None where none has."""
+    above = file.resolve().parents[1:] if file.suffix == ".py" else ()
+    return next((folder for folder in above if is_in_folder(module, folder)), None)
+
+
+def is_in_folder(module: str, folder: Path) -> bool:
+    """Tells whether a module without dots lies in a folder, as a file or as a package."""
+    return any((folder / f"{module}{end}").exists() for end in ("", ".py"))
 
 
 def build(source: Source, kwargs: Mapping[str, Any]) -> Env:

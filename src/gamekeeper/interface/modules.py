@@ -215,6 +215,7 @@ def _no_module(missing: str, name: str) -> NotHereError:
         there = [info.name for info in pkgutil.iter_modules(getattr(package, "__path__", []))]
         actual = f"'{parent}' has no module '{part}'{nearest(part, there)}"
         close = difflib.get_close_matches(part, there, n=1, cutoff=0.8)
+        meant = meant or [f"{parent}:{part}"] * hasattr(package, part)
         meant = meant or [f"{parent}.{each}" for each in close]
     else:
         tops = importlib.metadata.packages_distributions()

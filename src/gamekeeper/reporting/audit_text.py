@@ -3,7 +3,9 @@
 All functions take the audit's document, as `gamekeeper audit --json` prints it.
 """
 
+import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.checks.verdict import LOW, MINOR, NO_CASE, SEVERITIES
@@ -176,9 +178,14 @@ def broken_rule(verdict: Document) -> str:
 
 def finding_facts(finding: Document) -> dict[str, str]:
     """Parts of a finding in words, by their names: where, expected, actual, lines, fix."""
-    facts = {**finding, "lines": ", ".join(finding.get("lines") or ())}
+    facts = {**finding, "lines": ", ".join(map(_from_here, finding.get("lines") or ()))}
     names = "where", "expected", "actual", "lines", "fix"
     return {name: str(facts[name]) for name in names if facts.get(name)}
+
+
+def _from_here(line: str) -> str:
+    """A file and a line of it, from the current folder where the file is in it."""
+    return line.removeprefix(f"{Path.cwd()}{os.sep}")
 
 
 def _finding(verdict: Document, width: int) -> str:
@@ -261,7 +268,7 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
     parts: list[str] = []
     for title, found in ((NEEDS, needs), (REASONS, reasons)):
         count = sum(map(len, found.values()))
-        rows = [f"{', '.join(sorted(ids))}: {_short(text)}" for text, ids in found.items()]
+        rows = [f"{_named(ids, text, audit)}: {_short(text)}" for text, ids in found.items()]
         parts += filter(None, [items_text(title.format(count=count), rows, width)])
     if parts:
         parts[-1] += f"\n{INDENT}gamekeeper explain ID says what a check promises."
@@ -269,6 +276,12 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
         need = "check needs" if reruns == 1 else "checks need"
         parts.append(f"{reruns} {need} reruns: gamekeeper audit ENV (--json has their ids)")
     return "\n\n".join(parts)
+
+
+def _named(ids: Sequence[str], reason: str, audit: Document) -> str:
+    """Ids of checks; the number of those that the end of the audit alone left out."""
+    is_cut = audit["stopped"].startswith(reason)
+    return _counted(len(ids), "check") if is_cut else ", ".join(sorted(ids))
 
 
 def minor_text(audit: Document, *, width: int) -> str:
@@ -373,4 +386,4 @@ def _seeds(seeds: Sequence[int], of: int) -> str:
 
 
 def _counted(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+    return f"{count} {what}" if count == 1 else f"{count:,} {what}s"

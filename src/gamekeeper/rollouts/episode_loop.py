@@ -143,7 +143,7 @@ class FailedCall:
     @property
     def said(self) -> str:
         """Kind and text in one line."""
-        return f"{self.kind}: {self.text}"
+        return f"{self.kind}: {self.text}".removesuffix(": ")
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,12 +140,13 @@ class _Watch:
 
     def _ask(self, agent: Any, which: str, when: str, turn: int | None) -> None:
         name = f"{which}_space"
-        one, other = (
-            _quietly(self.session, name, getattr(self.env, name), agent) for _ in range(2)
-        )
+        own = getattr(self.env, name)
+        one, other = (_quietly(self.session, name, own, agent) for _ in range(2))
         space = one.value if isinstance(one.value, Space) else None
         is_same = one.value is other.value
-        asked = AskedSpace(which, when, space, one.said, type_name(one.value), is_same)
+        is_space = one.said is not None and isinstance(own, Space)
+        failed = f"{name} is a {type(own).__name__} and no method" if is_space else one.said
+        asked = AskedSpace(which, when, space, failed, type_name(one.value), is_same)
         self._note(asked, turn, agent, name)
         if space is None:
             return

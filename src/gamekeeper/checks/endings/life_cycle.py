@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 from gamekeeper.checks.case import Reproducer
@@ -97,6 +98,10 @@ def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(fact.where, fact.value.raised is not None, "an exception", seen, fact.proof)
 
 
+UNKNOWN_SEED: Final = "unexpected keyword argument 'seed'"
+"""Words of the TypeError of a reset that takes no seed."""
+
+
 @check("GK523", HIGH, "lifecycle")
 def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """A reset begins an episode at any time: at first, in mid-episode, at its end, twice in a row.
@@ -117,8 +122,11 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
     Fix: let reset() make the whole state new, whatever the episode before left, and name the live
     agents; where it raises, at the line that `actual` names
     """
+    refusals = _seed_refusals(evidence)
     for fact in evidence.facts(LaterReset):
         raised, agents = fact.value.raised, fact.value.agents
+        if raised in refusals:
+            continue  # it takes no seed, which is another promise
         is_ok = raised is None and agents != 0
         seen = f"{fact.value.when}: {raised or 'nobody is in agents'}"
         yield Case(fact.where, is_ok, "a new episode that can be played", seen, fact.proof)
@@ -128,7 +136,15 @@ def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Cases:
         yield Case(ignored.where, not ignored.value.is_ignored, expected, seen, ignored.proof)
 
 
-REFUSED: Final = re.compile(r"^\w+: (TypeError|AssertionError|NotImplementedError): ")
+def _seed_refusals(evidence: ProbeEvidence) -> set[str]:
+    """Exceptions of reset(seed=...) where reset takes no seed, and begins an episode without."""
+    asked = [fact.value.raised for fact in evidence.facts(ResetArguments)]
+    begun = [raised for raised in asked if not all(raised.values())]
+    told = [said or "" for raised in begun for words, said in raised.items() if "seed" in words]
+    return {said for said in told if UNKNOWN_SEED in said}
+
+
+REFUSED: Final = re.compile(r"^\w+: (TypeError|AssertionError|NotImplementedError)(?=:|$)")
 """Exceptions of a reset that takes no options; others may miss an entry of them."""
 
 
@@ -150,13 +166,17 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
 
     Fix: declare `def reset(self, seed=None, options=None):`
     """
+    refusals = _seed_refusals(evidence)
     for fact in evidence.facts(ResetArguments):
         if all(fact.value.raised.values()):
             continue
         for words, raised in fact.value.raised.items():
             is_ok = raised is None or (words == "options={}" and not REFUSED.search(raised))
             proof = Reproducer(f"make().reset({words})", plays=False)
-            yield Case(fact.where, is_ok, f"reset({words}) begins an episode", raised, proof)
+            expected = f"reset({words}) begins an episode"
+            case = Case(fact.where, is_ok, expected, raised, proof)
+            # what seeds its episodes can't play it
+            yield replace(case, severity=HIGH) if raised in refusals else case
 
 
 @check("GK525", LOW, "lifecycle")

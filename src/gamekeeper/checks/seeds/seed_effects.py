@@ -339,7 +339,7 @@ def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Ca
         if on is not None:
             expected = "the same episode in two instances that were seeded and played alike"
             proof = _entropy_proof(evidence.api)
-            yield Case(on.where, on.value.is_same, expected, "another", proof, severity=LOW)
+            yield Case(on.where, on.value.is_same, expected, "another one", proof, severity=LOW)
         if plays is None or others is None:
             continue
         seeded, unseeded, at = plays.value.digests, others.value.digests, others.where

@@ -179,8 +179,8 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Cas
             self.agents = list(self.possible_agents)
             self.collected = set()
 
-    Fix: set everything that the rules read in reset(), and take nothing over from the episode
-    before
+    Fix: set everything that the rules read in reset(), the generator by its seed too, and take
+    nothing over from the episode before
     """
     if ignores_seeds(evidence):
         return  # an episode hangs on what was drawn before, which is another promise

@@ -22,7 +22,8 @@ def spaces_exist_before_reset(contract: Contract, evidence: ProbeEvidence) -> Ca
         def __init__(self):
             self._spaces = {a: Discrete(5) for a in self.possible_agents}
 
-    Fix: make the spaces of all possible agents in __init__, and return Gymnasium's spaces
+    Fix: make the spaces of all possible agents in __init__, and let the methods
+    observation_space(agent) and action_space(agent) return them
     """
     for fact in evidence.facts(AskedSpace):
         value, agent = fact.value, fact.where.agent
