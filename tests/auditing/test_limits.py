@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.gather import session_of
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes.surface import far_limits, limits_of
+from gamekeeper.interface.opening import open_env
 from tests.auditing.roster_games import Counting
 from tests.auditing.test_rosters import audited, broken
+from tests.faults.rovers import Rovers
 
 TICK_LIMIT: Final = 6
 """The name that the classes below find in their module; no instance holds the number."""
@@ -106,6 +109,22 @@ def test_the_end_of_the_time_is_no_fault_of_the_environment() -> None:
 
     with pytest.raises(TimeUpError):
         ProbeSession.call(None, "look", out_of_time)  # type: ignore[arg-type]  # reads no self
+
+
+def test_time_that_ends_within_an_episode_is_no_step_that_raised() -> None:
+    """A rerun that the clock cuts short isn't an episode that went another way."""
+    session = session_of(open_env(Rovers), None, spec=Rovers, kwargs={}, seed=0, budget=100)
+    left = 4
+
+    def late() -> None:
+        nonlocal left
+        left -= 1
+        if not left:
+            raise TimeUpError
+
+    session.meter.beat = late
+    with pytest.raises(TimeUpError):
+        session.play(next(session.plays(1)))
 
 
 class Bounded:

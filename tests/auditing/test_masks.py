@@ -109,10 +109,11 @@ class Levers(Masked):
         ((Levers.mask[0].astype(bool), Levers.mask[1]), ["GK231"]),
         ((Levers.mask[0], np.ones(3, np.int8)), ["GK235"]),
         ((Levers.mask[0],), ["GK230"]),
+        ({"lever": Levers.mask[0], "height": np.ones((2, 3), np.int8)}, []),
     ],
 )
 def test_masks_of_several_choices_are_judged(mask: Any, ids: list[str]) -> None:
-    """MultiDiscrete takes a mask for each part, or a flat one."""
+    """MultiDiscrete takes a mask for each part, or a flat one; a dictionary may say more."""
     assert broken(type("Pulled", (Levers,), {"mask": mask})) == ids
 
 

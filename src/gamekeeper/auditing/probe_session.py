@@ -28,6 +28,7 @@ from gamekeeper.interface.packing import type_name_of
 from gamekeeper.interface.policy import Chosen, resolve
 from gamekeeper.rollouts.episode_loop import (
     ActionChooser,
+    EpisodeHaltError,
     EpisodePlan,
     EpisodeResult,
     EvidenceOptions,
@@ -51,7 +52,7 @@ RESET_STEPS: Final = 1
 """Cost of a reset in the budget, in steps."""
 
 
-class TimeUpError(BaseException):
+class TimeUpError(EpisodeHaltError):
     """The time of an audit is over; environments that catch every Exception don't catch it."""
 
 

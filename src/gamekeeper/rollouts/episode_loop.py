@@ -211,7 +211,7 @@ def perform(
         change: the one thing done differently.
         contract: names the reward terms and the volatile infos.
         keep: what of it becomes evidence, and under which names.
-        on_step: called before every step; what it raises ends the episode and comes out here.
+        on_step: called before every step; an `EpisodeHaltError` of its own comes out here.
     Raises:
         GamekeeperError: Gamekeeper itself can't go on.
     """
@@ -241,6 +241,10 @@ def perform(
     return EpisodeResult(
         done, episode, failed, failed is None and episode.header.get("end") == "ended"
     )
+
+
+class EpisodeHaltError(BaseException):
+    """Ends an episode from a callback and comes out of the loop: the environment raised nothing."""
 
 
 class EpisodeLoop:
@@ -284,7 +288,7 @@ class EpisodeLoop:
                     break
             if until is None:
                 self._ask_last()
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, EpisodeHaltError):
             raise
         except BaseException as error:  # whatever foreign code raises is evidence
             if isinstance(error, GamekeeperError) and not isinstance(error, _SAYS_SOMETHING):

@@ -138,6 +138,11 @@ def is_shared(space: Any, mask: Any) -> bool:
     return {mask.shape} == {(size,) for size in space.nvec.ravel().tolist()}
 
 
+def is_in_parts(space: Any, mask: Any) -> bool:
+    """Tells whether a mask of several choices has named parts, one of which may hang on another."""
+    return isinstance(mask, Mapping) and isinstance(space, spaces.MultiDiscrete | spaces.Tuple)
+
+
 def stands_elsewhere(space: Any, turn: Turn, agent: str) -> bool:
     """Tells whether an agent is given a mask under a name that nobody reads: `mask`."""
     sizes = {int(getattr(space, "n", 0))}
@@ -216,7 +221,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
     A mask of another length, or of another agent's action space, can't be laid over what a policy
     may choose: some actions are never offered, or choosing crashes. One number for each joint
     action of several choices (MultiDiscrete, or a Tuple or Dict of Discrete) is a mask too, and so
-    is one for each value where all choices share it.
+    is one for each value where all choices share it. Of a dictionary for choices without names, as
+    of the kinds of an action and the targets of each, nothing is said.
 
     Bad:
         spaces.Discrete(5); mask = np.ones(4, np.int8)      # "stay" was forgotten
@@ -227,6 +233,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
     Fix: give a mask with one number for each action of the agent's action space
     """
     for each in masks(contract, evidence):
+        if is_in_parts(each.space, each.mask):
+            continue
         where = each.episode.at(each.turn, each.agent, each.place)
         fault = fits(each.space, each.mask)
         if fault is None or is_joint(each.space, each.mask) or is_shared(each.space, each.mask):
