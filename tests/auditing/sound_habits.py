@@ -372,12 +372,16 @@ class Market(Valley):
 
     def step(self, actions: dict[Any, Any]) -> Any:
         """The price moves first."""
-        rise = float(self.rng.normal())
+        rise = self.rise()
         self.price += rise
         self.gains = {a: each * rise for a, each in self.shares.items()}
         for agent, action in actions.items():
             self.shares[agent] += float(action) - 1.0
         return super().step(actions)
+
+    def rise(self) -> float:
+        """A draw."""
+        return float(self.rng.normal())
 
     def reward(self, agent: Any) -> Any:
         """What its shares gained."""
@@ -386,6 +390,22 @@ class Market(Valley):
     def view(self, agent: Any) -> Any:
         """Its shares and their price."""
         return np.array([self.shares[agent], self.price])
+
+
+class Series(Market):
+    """The same by a recorded series of prices, from a place that the reset draws."""
+
+    prices = np.random.default_rng(7).normal(size=1_000)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Draws the place."""
+        seen = super().reset(seed, options)
+        self.place = int(self.rng.integers(900))
+        return seen
+
+    def rise(self) -> float:
+        """The next one."""
+        return float(self.prices[self.place + self.tick])
 
 
 class Lottery(Valley):
@@ -466,5 +486,6 @@ HABITS: dict[str, Any] = {
     "blinks": Blinks,
     "pays_when_goods_arrive": Belt,
     "pays_by_a_price_drawn_later": Market,
+    "pays_by_a_series_of_prices": Series,
     "pays_the_next_one": Gifts,
 }

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from threading import Event
 from typing import Any
 
 import pytest
 
+from gamekeeper import heartbeat
+from gamekeeper.auditing import audit as audit_room
 from gamekeeper.auditing import gather as gathering_room
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
@@ -239,3 +242,18 @@ def test_every_check_says_what_it_looks_at() -> None:
     ours = {id: each for id, each in checks().items() if id.startswith("GK")}
     said = {id for id, each in ours.items() if each.looks_at or WANTED.keys() & {*each.needs}}
     assert said == ours.keys()
+
+
+def test_judging_gives_signs_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evidence of hundreds of agents is judged for minutes without an env step: that is no hang."""
+    given, waited = Event(), []
+
+    def measured(*_: Any) -> dict[str, Any]:
+        waited.append(given.wait(20))
+        return {}
+
+    monkeypatch.setattr(heartbeat, "_signs", [given.set])
+    monkeypatch.setattr(audit_room, "measured", measured)
+    audit_here(Rovers, budget=50)
+
+    assert waited == [True]

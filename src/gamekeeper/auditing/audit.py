@@ -21,6 +21,7 @@ from gamekeeper.checks.check import Check, selected
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EvidenceError
+from gamekeeper.heartbeat import Wait
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -155,8 +156,12 @@ def _judged(
     gathering: Gathering = reproduction.gathering
     evidence = gathering.gathered()
     judging_s = time.perf_counter()
-    judged = [_in_time(each, reproduction, evidence, until_s) for each in wanted.values()]
-    form = measured(reproduction.contract, evidence) if is_all else {}
+    wait = Wait()  # of hundreds of agents it takes minutes, and no env step shows life
+    try:
+        judged = [_in_time(each, reproduction, evidence, until_s) for each in wanted.values()]
+        form = measured(reproduction.contract, evidence) if is_all else {}
+    finally:
+        wait.end()
     shrinking_s = time.perf_counter()
     beat = gathering.session.meter.beat or _nothing
     is_failed = any(each.outcome == "failed" for each in judged)

@@ -50,7 +50,7 @@ class Case:
         confidence: how sure it is, in (0, 1]; None: as sure as the check in general.
         severity: how bad it is; None: as bad as the check in general.
         lines: lines of the environment that do it, as `file:line`, where they are known.
-        fix: what mends it; None: as the check says.
+        fix: how it is repaired; None: as the check says.
     """
 
     where: Where

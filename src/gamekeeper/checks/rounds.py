@@ -18,10 +18,11 @@ def ticks(episode: Episode) -> list[range]:
     """
     starts, acted, last = [0], set[str](), -1
     for turn in episode.turns:
-        if not acted.isdisjoint(movers(turn)):
+        acting = movers(turn)
+        if not acted.isdisjoint(acting):
             starts.append(turn.index)
             acted = set()
-        acted.update(movers(turn))
+        acted.update(acting)
         last = turn.index
     return [range(start, end) for start, end in pairwise([*starts, last + 1]) if start < end]
 

@@ -4,15 +4,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
+
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import MEDIUM, Case, Cases, check
-from gamekeeper.checks.effects import by_turn, changed_numbers
+from gamekeeper.checks.effects import by_turn, changed_numbers, numbers_in
 from gamekeeper.checks.facts.episode_facts import LateEffect, PaymentTime
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import Fact, ProbeCounterfactual, ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Turn
 from gamekeeper.episodes.where import Where
+from gamekeeper.statistics.significance import FloatArray
 
 LEAST = 5
 """Replaced actions that must have moved the next reward, and none its own."""
@@ -22,6 +25,10 @@ PART_LEAST = 10
 """The same where some rewards come at once: the rest must be seen to be late more often."""
 PART = 0.5
 """Part of all that shows at once that moves the next reward; of a sparse one it is a tenth."""
+MOST_DRIFTS: Final = 64
+"""Numbers of an observation among which such a drift is looked for."""
+CHANCE: Final = 0.1
+"""Probability that the signs of some numbers agree with those of all effects by chance."""
 DRAWN = 0.5
 """Part of the late effects that may hang on draws of the step that pays: some events do."""
 RARE_LEAST = 4
@@ -51,6 +58,8 @@ class _Trial:
         others_at_once: a reward of somebody moved in the step of the action.
         prompt: numbers of the observation that moved at once.
         late: numbers that moved in the observation after that.
+        step: of the reward, of each number that moved at once, and of each in the base from this
+            observation to the next: how far they went.
     """
 
     counterfactual: ProbeCounterfactual
@@ -58,6 +67,7 @@ class _Trial:
     others_at_once: bool
     prompt: frozenset[int]
     late: frozenset[int]
+    step: tuple[float, FloatArray, FloatArray] | None = None
 
 
 @check(
@@ -84,7 +94,7 @@ def rewards_come_with_the_tick_that_earns_them(
     behind as steadily (a position that follows a velocity does: then the rules are slow, not the
     reward); and the first step, before any action could matter, already pays different amounts. A
     game whose events take a tick by its rules shows them a tick later too, or pays the same
-    at first, so it isn't called broken; a false alarm needs all six to agree by chance.
+    at first, so it isn't called broken; a false alarm needs all seven to agree by chance.
 
     Each term that a Parallel environment tells (`terms`) is judged by itself. Where it tells none,
     a part that comes late beside another on time is known by what moves it: at least ten actions,
@@ -111,9 +121,12 @@ def rewards_come_with_the_tick_that_earns_them(
     Fix: compute the rewards after the moves of the tick, from the state that the observations of
     the same step show
     """
+    follows = False
     for part in _parts(evidence):
-        yield from _judged(evidence, part)
-    for alike in _by_size(evidence.facts(PaymentTime)):
+        trials = _trials(evidence, part)
+        follows = follows or _follows_a_drift(trials)
+        yield from _judged(evidence, trials, part)
+    for alike in () if follows else _by_size(evidence.facts(PaymentTime)):
         yield from _rare(evidence.api, alike)
 
 
@@ -133,12 +146,16 @@ def _parts(evidence: ProbeEvidence) -> tuple[str | None, ...]:
     return tuple(sorted(found)) or (None,)
 
 
-def _judged(evidence: ProbeEvidence, part: str | None) -> Cases:
-    trials = []
-    for counterfactual in evidence.counterfactuals("influence"):
-        if int(counterfactual.change["later"]) >= 2:
-            trial = _trial(counterfactual, evidence.api, part)
-            trials += [] if trial is None else [trial]
+def _trials(evidence: ProbeEvidence, part: str | None) -> list[_Trial]:
+    found = (
+        _trial(each, evidence.api, part)
+        for each in evidence.counterfactuals("influence")
+        if int(each.change["later"]) >= 2
+    )
+    return [trial for trial in found if trial is not None]
+
+
+def _judged(evidence: ProbeEvidence, trials: list[_Trial], part: str | None) -> Cases:
     moved = [trial for trial in trials if trial.first is not None]
     at_once = [trial for trial in moved if trial.first == 0]
     next_one = [trial for trial in moved if trial.first == 1 and not trial.others_at_once]
@@ -148,6 +165,7 @@ def _judged(evidence: ProbeEvidence, part: str | None) -> Cases:
         and sum(bool(trial.prompt) for trial in next_one) >= PROMPT * len(next_one)
         and not _lagging(trials)
         and not hang_on_later_draws(evidence)
+        and not _follows_a_drift(trials)
         and _pays_different_amounts_at_first(evidence, part)
     )
     for trial in at_once:
@@ -208,7 +226,23 @@ def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _
         return None
     shown = [changed_numbers(*(t.observations.get(agent) for t in pair)) for pair in looks]
     prompt, late, *_ = *shown, frozenset[int](), frozenset[int]()
-    return _Trial(counterfactual, first, others, prompt, late)
+    return _Trial(counterfactual, first, others, prompt, late, _step(agent, looks, received))
+
+
+def _step(
+    agent: str,
+    looks: Sequence[tuple[Turn, Turn]],
+    received: Sequence[Sequence[Mapping[str, float]]],
+) -> tuple[float, FloatArray, FloatArray] | None:
+    """How far the second reward moved, the first observation, and the base's to the second one."""
+    if len(looks) < 2:
+        return None
+    (one, two), (later, _) = looks[:2]
+    here, there, then = (numbers_in(each.observations.get(agent)) for each in (one, two, later))
+    if not len(here) == len(there) == len(then) <= MOST_DRIFTS:
+        return None
+    paid, instead = (each.get(agent, 0.0) for each in received[1])
+    return instead - paid, there - here, then - here
 
 
 def _paid(turn: Turn, part: str | None) -> Mapping[str, float]:
@@ -226,6 +260,26 @@ def _lagging(trials: list[_Trial]) -> bool:
         for place in trial.late - prompt:
             late[place] = late.get(place, 0) + 1
     return any(count >= STEADY for count in late.values())
+
+
+def _follows_a_drift(trials: Sequence[_Trial]) -> bool:
+    """Tells whether a number that no action moves says, by its next step, which way actions pay.
+
+    A price that goes up or down after the purchase is one.
+    """
+    late = [trial for trial in trials if trial.first == 1 and not trial.others_at_once]
+    steps = [trial.step for trial in late if trial.step is not None]
+    if len({len(moved) for _, moved, _ in steps}) != 1:
+        return False
+    gained = np.sign([gain for gain, *_ in steps])[:, None, None]
+    moved = np.sign([each for _, each, _ in steps])
+    drift = np.sign([each for *_, each in steps])[:, ~(moved != 0).any(axis=0)]
+    signs = gained * moved[:, :, None] * drift[:, None, :]
+    counts = [(signs == sign).sum(axis=0) for sign in (1, -1)]
+    pairs = 2 * int((moved != 0).any(axis=0).sum()) * drift.shape[1]  # of numbers, by either sign
+    is_no_chance = pairs * 0.5 ** np.maximum(*counts) < CHANCE
+    goes_both = np.logical_and(*((drift == sign).sum(axis=0) >= 2 for sign in (1, -1)))
+    return bool((is_no_chance & (np.minimum(*counts) == 0) & goes_both).any())
 
 
 def _pays_different_amounts_at_first(evidence: ProbeEvidence, part: str | None) -> bool:
