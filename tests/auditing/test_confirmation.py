@@ -539,6 +539,7 @@ def test_a_finding_tells_the_exception_that_its_program_shows() -> None:
         ("from gymnasium import spaces; spaces.Discrete(2).sample([True])", (True, True)),
         ("import json; json.loads('{')", (False, True)),
         ("import gone", (False, False)),
+        ("def reset(): ...\nreset(seed=1)", (False, True)),
     ],
 )
 def test_an_exception_of_the_environment_shows_an_exception_alone(
