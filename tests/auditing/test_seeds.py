@@ -214,6 +214,14 @@ def test_seeds_faults_are_found_under_their_own_name(make: Any, ids: list[str]) 
     assert ids == broken(make)
 
 
+def test_seeds_draw_of_a_constructor_is_shown_without_an_episode() -> None:
+    """An environment whose reset or step raises doesn't keep its program from showing it."""
+    (finding,) = audited(SeedsInConstructor, ("GK603",)).of("GK603").findings
+    assert finding.actual.endswith("in make")
+    assert "reset(" not in finding.reproducer
+    assert "assert seen == expected" in finding.reproducer
+
+
 @pytest.mark.parametrize("make", [Rovers, Traders, Tokens, NumberedRovers, Charted])
 def test_seeds_sound_environments_break_nothing(make: Any) -> None:
     """Either API, deaths, masks, agents that are no text, games without randomness."""

@@ -40,6 +40,8 @@ SPACES: Final = str(Path("gymnasium", "spaces"))
 """Part of the path of Gymnasium's spaces, which refuse by an exception."""
 EXCEPTION: Final = re.compile(r"\b(\w+(?:Error|Exception))(?=:|$)")
 """The class of an exception in the words of a finding."""
+REFUSAL: Final = re.compile(r"\(\) (got|takes|missing) .*argument")
+"""Words of a call that the environment refuses for its arguments, before a line of its own."""
 IS_EXCEPTION: Final = re.compile(r"(Error|Exception|\braise[sd])\b")
 """Words of a finding that is an exception."""
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
@@ -264,7 +266,8 @@ def _end_in(worker: WarmWorker, program: str, limit_s: float) -> tuple[ProgramEn
     if raised is None:
         return "passed", Raised(), ""
     is_shown = raised not in NOT_SHOWN or (raised in OF_LINES and at)
-    end: ProgramEnd = "raised" if at and SPACES not in at else "failed"
+    is_refusal = raised == "TypeError" and REFUSAL.search(text) is not None
+    end: ProgramEnd = "raised" if is_refusal or (at and SPACES not in at) else "failed"
     if not is_shown:
         end = "absent" if raised == "StopIteration" else "not run"
     by = Raised(at, raised, text) if at else Raised()

@@ -130,26 +130,33 @@ def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence
         elif isinstance(fact.value, MovedGenerator):
             name, call = fact.value.generator, fact.value.call
             seen = f"{name} was seeded or drawn from in {call}"
-            proof = _global_generator_proof(evidence.api, name)
+            proof = _global_generator_proof(evidence.api, name, plays=call != "make")
             yield Case(fact.where, False, "as it was", seen, proof, lines=fact.value.lines)
 
 
-def _global_generator_proof(api: str, name: str) -> Reproducer:
-    """Compares the next draw of a global generator, seeded alike, with and without an episode."""
+def _global_generator_proof(api: str, name: str, *, plays: bool) -> Reproducer:
+    """Compares the next draw of a global generator, seeded alike, with and without an instance.
+
+    Args:
+        plays: the instance plays an episode.
+    """
     seed, draw = {
         "numpy.random": ("np.random.seed(764_309)", "np.random.random()"),
         "random": ("random.seed(764_309)", "random.random()"),
         "torch": ("torch.manual_seed(764_309)", "torch.rand(1).item()"),
     }[name]
+    episode = (
+        "env.reset(seed=SEED)",
+        "for action in ACTIONS:",
+        *(["    env.last()"] if api == "aec" else []),
+        "    env.step(action)",
+    )
     lines = (
         seed,
         f"expected = {draw}",
         seed,
         "env = make()",
-        "env.reset(seed=SEED)",
-        "for action in ACTIONS:",
-        *(["    env.last()"] if api == "aec" else []),
-        "    env.step(action)",
+        *(episode if plays else ()),
         f"seen = {draw}",
         f'assert seen == expected, f"the next {draw} gives {{seen}}, not {{expected}}"',
     )
