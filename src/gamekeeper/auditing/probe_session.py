@@ -226,7 +226,11 @@ class ProbeSession:
 
         `steer` makes of the random policies those that choose in their place.
 
-        The first episode of a look is its `base`: its actions are what a reader plays again.
+        The first episode of a look is its `base`: its actions are what a reader plays again. It may
+        be cut by the end of the time, another one isn't given back then.
+
+        Raises:
+            TimeUpError: the time is over.
         """
         if self.class_state is not None:
             self.class_state.restore()
@@ -259,6 +263,8 @@ class ProbeSession:
         )
         if self.base is None:
             self.base = played.play
+        else:
+            self.meter.count(0)  # what the time has cut is no rerun
         return played
 
     def after(self, before: EpisodePlan, play: EpisodePlan, times: int = 1) -> EpisodeResult:

@@ -211,7 +211,7 @@ def perform(
         change: the one thing done differently.
         contract: names the reward terms and the volatile infos.
         keep: what of it becomes evidence, and under which names.
-        on_step: called before every step; an `EpisodeHaltError` of its own comes out here.
+        on_step: called before every step; an `EpisodeHaltError` of its own cuts the episode there.
     Raises:
         GamekeeperError: Gamekeeper itself can't go on.
     """
@@ -224,8 +224,11 @@ def perform(
     loop = EpisodeLoop(play, capture, joint_policy, hooks, watch, on_step or nothing, declared)
     if joint_policy is not None and play.actions is None:
         joint_policy.begin(policy_seed, play.stream)
+    failed = None
     try:
         failed = loop.run()
+    except EpisodeHaltError:
+        pass  # what was played till then is an episode that is cut
     finally:
         hooks.after(env)
     capture.end_episode()
@@ -244,7 +247,7 @@ def perform(
 
 
 class EpisodeHaltError(BaseException):
-    """Ends an episode from a callback and comes out of the loop: the environment raised nothing."""
+    """Ends an episode from a callback: it comes out of the loop, as no call of the environment."""
 
 
 class EpisodeLoop:
