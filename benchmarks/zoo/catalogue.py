@@ -29,6 +29,7 @@ Group = Literal[
     "eleventh",
     "twelfth",
     "thirteenth",
+    "fourteenth",
 ]
 
 
@@ -48,7 +49,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *thirteenth*: likewise, once they were changed by those before."""
+    *second* to *fourteenth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:

@@ -113,7 +113,7 @@ def of_repository(repository: str, module: str, factory: str, **kwargs: Any) -> 
 
 def inside_repository(repository: str, module: str, factory: str, **kwargs: Any) -> Any:
     """The same for one that reads files from the directory that it is run in."""
-    os.chdir(Path(os.environ["ZOO_REPOSITORIES"], repository))
+    os.chdir(Path(os.environ["ZOO_REPOSITORIES"], repository.partition(":")[0]))
     return of_repository(repository, module, factory, **kwargs)
 
 
@@ -569,3 +569,31 @@ def construction(module: str, factory: str) -> Any:
     design = read(Path("configs/construction/cottage_v1.yaml").absolute())
     plan = inner_module(where, "src", f"{package}.compiler").compile_house_design(design)
     return getattr(inner_module(where, "src", f"{package}.{module}"), factory)(plan)
+
+
+def railway() -> Any:
+    """Two teams on a grid of railway lines, by the configuration of its own for one."""
+    import yaml
+
+    where = "scherven+jetlagtaiwan"
+    grid = inner_module(where, "", "engine.grid_network").GridNetwork
+    config = yaml.safe_load(Path("config_grid.yaml").read_text())
+    sizes = [config["network"][f"grid_{name}"] for name in ("rows", "cols", "interval_minutes")]
+    return inner_module(where, "", "agents.env_wrapper").RailGameEnv(config, grid(*sizes))
+
+
+def high_ground() -> Any:
+    """Two teams of three on the flat map of its own tests."""
+    where = "TannerOlason+EECS590-RL-Capstone"
+    maps = inner_module(where, "", "highground.maps.static_maps")
+    return inner_module(where, "", "highground.env.srpg_env").HighGroundEnv(*maps.flat_open())
+
+
+def draft() -> Any:
+    """A draft of heroes, with the estimates at random that its own training uses."""
+    import json
+
+    mock = inner_module("Chrona0822+Dota2_Draft_Optimizer", "", "mock_eva").MockEvaluator
+    read = json.loads(Path("models/hero_mappings.json").read_text())
+    heroes = {w: {int(k): v for k, v in read[w].items()} for w in ("hero2idx", "idx2hero")}
+    return older("bp_env", "DotaBPEnv", evaluator=mock(**heroes), **heroes)
