@@ -16,6 +16,7 @@ from gamekeeper.auditing.holds import bounds_held, containers_of, set_in
 from gamekeeper.checks.object_ids import ids_from
 from tests.auditing import linked_games
 from tests.auditing.linked_games import ByAddress
+from tests.faults import tokens
 
 GAMES = "tests.auditing.linked_games"
 
@@ -116,3 +117,12 @@ def test_parts_of_a_nested_observation_are_looked_at() -> None:
     env.level = 2.5
     env.reset()
     assert env.level == 1.0
+
+
+def test_module_that_calls_something_else_id_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other modules of the environment's classes get numbers for objects."""
+    monkeypatch.setattr(linked_games, "id", "tokens", raising=False)
+    monkeypatch.setattr(tokens, "id", id, raising=False)
+    ids_from(linked_games.ByAddress(), 0)
+    assert linked_games.id == "tokens"
+    assert tokens.id("new") == 0

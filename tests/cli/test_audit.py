@@ -12,11 +12,12 @@ from gamekeeper.auditing import audit_process
 from gamekeeper.auditing.audit import BUDGET as BUDGET_OF_THE_ENGINE
 from gamekeeper.auditing.audit_process import SILENCE_S as SILENCE_OF_THE_ENGINE
 from gamekeeper.auditing.audit_process import audit_task
-from gamekeeper.cli._audit import audit_code, sarif_of, shares_of
+from gamekeeper.cli._audit import audit_code, sarif_of, shares_of, show_failed
+from gamekeeper.cli._screen import Screen
 from gamekeeper.cli.audit import BUDGET, SILENCE_S
 from gamekeeper.rollouts.workers import TaskOutcome
 from tests.cli.lines import LINE, document, said
-from tests.reporting.audits import audit, mixed, verdict
+from tests.reporting.audits import audit, finding, mixed, verdict
 
 REAL = pytest.mark.parametrize("_audits_run_here", [False], indirect=True)
 """For tests in which the audit has a process of its own, as users have it."""
@@ -124,6 +125,17 @@ def test_sarif_names_files_inside_the_folder_from_there(
     assert place == {"uri": "my%20envs/line.py", "uriBaseId": "%SRCROOT%"}
 
 
+def test_lines_of_files_in_the_folder_are_named_from_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those elsewhere keep their whole path."""
+    monkeypatch.chdir(tmp_path)
+    lines = [f"{tmp_path}/envs/rovers.py:7", "/elsewhere/rovers.py:8"]
+    found = audit(verdict("GK402", "failed", findings=[finding(lines=lines)]))
+    show_failed(Screen(sys.stdout, is_quiet=True), found)
+    assert "lines     envs/rovers.py:7, /elsewhere/rovers.py:8" in capsys.readouterr().out
+
+
 def test_sarif_names_a_class_of_a_file_by_the_files_stem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -190,7 +202,6 @@ def test_exit_code_follows_the_outcomes(outcomes: list[str], strict: bool, code:
 def test_checks_that_fail_are_told_as_ours(capfd: pytest.CaptureFixture[str]) -> None:
     """An error of a check is a fault of the check, and asks to be reported."""
     from gamekeeper.cli._audit import say_not_exercised
-    from gamekeeper.cli._screen import Screen
 
     say_not_exercised(Screen(sys.stdout, is_quiet=True), mixed())
     err = capfd.readouterr().err

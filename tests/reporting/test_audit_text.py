@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import pytest
 
 from gamekeeper.checks.verdict import NO_CASE
@@ -39,18 +37,12 @@ def test_broken_promises_stand_by_severity() -> None:
         assert word in high
 
 
-def test_many_cases_and_places_of_this_folder_are_easy_to_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Thousands have their comma, and a file of the current folder no long path."""
-    monkeypatch.chdir(tmp_path)
-    lines = [f"{tmp_path}/envs/rovers.py:7", "/elsewhere/rovers.py:8"]
-    document = audit(
-        verdict("GK402", "failed", cases=3068, failed=3068, findings=[finding(lines=lines)])
+def test_thousands_of_cases_have_their_comma() -> None:
+    """So they are read at a glance."""
+    document = audit(verdict("GK402", "failed", cases=3068, failed=3068))
+    assert (
+        "3,068 of 3,068 cases" in dict(failed_blocks(document, width=120))["Failed: high severity"]
     )
-    block = dict(failed_blocks(document, width=120))["Failed: high severity"]
-    assert "3,068 of 3,068 cases" in block
-    assert "lines     envs/rovers.py:7, /elsewhere/rovers.py:8" in block
 
 
 def test_consequences_stand_after_their_cause_in_a_line_each() -> None:

@@ -23,6 +23,7 @@ def ids_from(env: Any, start: int) -> list[dict[str, Any]]:
     others = "builtins", "__main__", "abc", "typing", "gymnasium", "pettingzoo", "gamekeeper"
     names = {cls.__module__ for cls in type(env.unwrapped).__mro__}
     own = [vars(sys.modules[each]) for each in names if each.partition(".")[0] not in others]
-    for module in own:
+    own = [each for each in own if getattr(each.get("id", id), "__name__", "") in ("id", "number")]
+    for module in own:  # one that calls something else `id` is left alone
         module["id"] = number
     return own

@@ -209,10 +209,10 @@ def show_measured(screen: Screen, document: Mapping[str, Any]) -> None:
 
 
 def show_failed(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Shows the failed checks, grouped by severity."""
+    """Shows the failed checks, grouped by severity; files are named from the current folder."""
     from gamekeeper.reporting.audit_text import failed_blocks
 
-    for heading, text in failed_blocks(document, width=screen.width):
+    for heading, text in failed_blocks(_placed(document), width=screen.width):
         screen.show("")
         screen.verdict(heading, MANNERS[heading.split()[1]])
         screen.show(text)
@@ -353,6 +353,20 @@ def sarif_of(*documents: Mapping[str, Any]) -> str:
         return Path(file).absolute().as_uri() if inside is None else quote(inside)
 
     return sarif_json(list(documents), version=__version__, address=address)
+
+
+def _placed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The audit with lines of files in the current folder named from there."""
+
+    def placed(line: str) -> str:
+        file, _, number = line.rpartition(":")
+        return f"{_from_here(file) or file}:{number}"
+
+    def finding(each: Mapping[str, Any]) -> dict[str, Any]:
+        return {**each, "lines": [placed(line) for line in each.get("lines") or ()]}
+
+    verdicts = [{**x, "findings": [*map(finding, x["findings"])]} for x in document["verdicts"]]
+    return {**document, "verdicts": verdicts}
 
 
 def _from_here(file: str) -> str | None:

@@ -3,9 +3,7 @@
 All functions take the audit's document, as `gamekeeper audit --json` prints it.
 """
 
-import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.checks.verdict import LOW, MINOR, NO_CASE, SEVERITIES
@@ -178,14 +176,9 @@ def broken_rule(verdict: Document) -> str:
 
 def finding_facts(finding: Document) -> dict[str, str]:
     """Parts of a finding in words, by their names: where, expected, actual, lines, fix."""
-    facts = {**finding, "lines": ", ".join(map(_from_here, finding.get("lines") or ()))}
+    facts = {**finding, "lines": ", ".join(finding.get("lines") or ())}
     names = "where", "expected", "actual", "lines", "fix"
     return {name: str(facts[name]) for name in names if facts.get(name)}
-
-
-def _from_here(line: str) -> str:
-    """A file and a line of it, from the current folder where the file is in it."""
-    return line.removeprefix(f"{Path.cwd()}{os.sep}")
 
 
 def _finding(verdict: Document, width: int) -> str:

@@ -234,7 +234,7 @@ def _step(
     looks: Sequence[tuple[Turn, Turn]],
     received: Sequence[Sequence[Mapping[str, float]]],
 ) -> tuple[float, FloatArray, FloatArray] | None:
-    """How far the second reward moved, the first observation, and the base's to the second one."""
+    """Moves of the second reward, of the first observation, and of the base's to the second one."""
     if len(looks) < 2:
         return None
     (one, two), (later, _) = looks[:2]
