@@ -22,6 +22,7 @@ GAMES = "tests.auditing.linked_games"
         ("Overfull", {"GK214": None, "GK802": "GK214", "GK813": "GK214"}),
         ("OverfullAndLate", {"GK214": None, "GK802": None, "GK813": None}),
         ("unpaid", {"GK107": None, "GK527": "GK107"}),
+        ("Outlasting", {"GK402": "GK405", "GK405": None}),
     ],
 )
 def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:
