@@ -9,6 +9,7 @@ from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from tests.faults.rovers import Rovers
 from tests.faults.tokens import Tokens
+from tests.faults.traders import Traders
 
 
 class Overfull(Rovers):
@@ -118,3 +119,14 @@ class DrawsOfSpaces(Rovers):
             if name not in ("_seen", "_done"):
                 setattr(other, name, copy.deepcopy(value, memo))
         return other
+
+
+class Outlasting(Traders):
+    """Rewards stand, also those of a bankrupt trader, who waits for the end of the game."""
+
+    def _clear_rewards(self) -> None:
+        """Forgets to."""
+
+    def _deads_step_first(self) -> Any:
+        """Lets them wait."""
+        return self.agent_selection

@@ -29,6 +29,7 @@ GAMES = "tests.auditing.linked_games"
         ("unpaid", {"GK107": None, "GK527": "GK107"}),
         ("ByAddress", {"GK608": None}),
         ("ByMemo", {}),
+        ("Outlasting", {"GK402": "GK405", "GK405": None}),
     ],
 )
 def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:

@@ -135,10 +135,19 @@ class Throttled(Masked):
 
 
 @pytest.mark.parametrize(
-    ("mask", "ids"), [(Throttled.mask, []), ({"move": np.ones(5, np.int8)}, ["GK235"])]
+    ("mask", "ids"),
+    [
+        (Throttled.mask, []),
+        ({"move": np.ones(5, np.int8)}, ["GK235"]),
+        (np.ones(5, np.int8), []),
+        (np.ones(4, np.int8), ["GK230"]),
+    ],
 )
 def test_masks_that_bound_continuous_actions_are_not_judged(mask: Any, ids: list[str]) -> None:
-    """No list of flags says which numbers such a mask allows; without one all are."""
+    """No list of flags says which numbers such a mask allows; without one all are.
+
+    A mask of the moves alone has one number for each of them.
+    """
     assert broken(type("Pushed", (Throttled,), {"mask": mask}), budget=60) == ids
 
 

@@ -74,6 +74,19 @@ class WearsOut(Rovers):
         return super().reset(None if seed is None else seed + (self.resets > 4), options)
 
 
+class NobodyLeft(Rovers):
+    """A reset deals to those whom the last episode has left, and raises where there is nobody."""
+
+    has_begun = False
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Raises after an episode that went to its end."""
+        if self.has_begun and not self.agents:
+            raise KeyError(1)
+        self.has_begun = True
+        return super().reset(seed, options)
+
+
 class OpensForGood(Rovers):
     """What the episode of one seed opened stays open."""
 
@@ -207,6 +220,7 @@ class Stopwatch(Rovers):
         (EmptyOptions, ["GK601"]),
         (ConstantReset, ["GK600"]),
         (ConstantDice, ["GK600"]),
+        (NobodyLeft, ["GK604"]),
     ],
 )
 def test_seeds_faults_are_found_under_their_own_name(make: Any, ids: list[str]) -> None:

@@ -61,12 +61,14 @@ BOX = spaces.Box(0, 9, (2,), np.float32)
         (BOX, [1.0, 2.0], "GK211", "high"),
         (BOX, np.array([1, 2], np.int8), "GK212", "low"),
         (BOX, np.array([1, 2], np.float64), "GK212", "medium"),
+        (spaces.MultiBinary(2), np.array([1, 0], np.float32), "GK212", "low"),
+        (spaces.MultiDiscrete([2, 2]), np.array([1, 0], np.float32), "GK212", "medium"),
     ],
 )
 def test_what_contains_takes_without_loss_is_low(
     space: Any, value: Any, id: str, severity: str
 ) -> None:
-    """A tuple where a MultiDiscrete is declared, and a dtype that NumPy casts safely, are low."""
+    """A tuple of a MultiDiscrete, a dtype that NumPy casts safely, zeros and ones of any: low."""
     found = verdict(paired(space, value), id)
     assert ("failed", severity) == (found.outcome, found.severity)
 

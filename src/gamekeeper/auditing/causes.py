@@ -85,7 +85,7 @@ HOLDS: Final = {
     "GK614": OBSERVATIONS,
     "GK611": INFOS,
     "GK612": Hold("results of state() copied", state_held, ("GK622",)),
-    "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK403", "GK411")),
+    "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK402", "GK403", "GK411")),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK214", "GK402")),
     "GK303": Hold(
         "steps of the dead made by `_was_dead_step`",

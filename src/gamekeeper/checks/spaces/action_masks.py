@@ -197,6 +197,19 @@ def _is_unread(space: Any, mask: Any) -> bool:
     return False
 
 
+def is_alone(space: Any, mask: Any) -> bool:
+    """Tells whether a mask is that of the one choice of a space whose other parts are numbers."""
+    if not isinstance(space, spaces.Tuple | spaces.Dict):
+        return False
+    parts = space.spaces.values() if isinstance(space, spaces.Dict) else space.spaces
+    choices = [part for part in parts if not isinstance(part, spaces.Box)]
+    return (
+        len(choices) == 1
+        and isinstance(choices[0], spaces.Discrete | spaces.MultiDiscrete)
+        and fits(choices[0], mask) is None
+    )
+
+
 def mask_lines(api: str, agent: str, place: str) -> str:
     """Lines of a proof that find the agent's mask."""
     side, _, path = place.partition(".")
@@ -221,8 +234,9 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
     A mask of another length, or of another agent's action space, can't be laid over what a policy
     may choose: some actions are never offered, or choosing crashes. One number for each joint
     action of several choices (MultiDiscrete, or a Tuple or Dict of Discrete) is a mask too, and so
-    is one for each value where all choices share it. Of a dictionary for choices without names, as
-    of the kinds of an action and the targets of each, nothing is said.
+    is one for each value where all choices share it, or where only one part of a Tuple or Dict is a
+    choice, and the others are numbers of a Box. Of a dictionary for choices without names, as of
+    the kinds of an action and the targets of each, nothing is said.
 
     Bad:
         spaces.Discrete(5); mask = np.ones(4, np.int8)      # "stay" was forgotten
@@ -237,7 +251,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> C
             continue
         where = each.episode.at(each.turn, each.agent, each.place)
         fault = fits(each.space, each.mask)
-        if fault is None or is_joint(each.space, each.mask) or is_shared(each.space, each.mask):
+        others = (is_joint, is_shared, is_alone)
+        if fault is None or any(is_one(each.space, each.mask) for is_one in others):
             yield Case(where, True)
             continue
         expected, _, seen = fault.partition(", actual ")

@@ -182,7 +182,8 @@ def _of_array(space: Any, value: object, path: str) -> Iterator[Misfit]:
         return
     if value.dtype != space.dtype:
         test = f"value{path}.dtype == space{path}.dtype"
-        is_taken = np.can_cast(value.dtype, space.dtype)
+        is_binary = isinstance(space, spaces.MultiBinary) and contains(space, value)
+        is_taken = is_binary or np.can_cast(value.dtype, space.dtype)
         yield Misfit(DTYPE, path, str(space.dtype), str(value.dtype), test, is_taken)
     if value.shape != tuple(space.shape):
         test = f"value{path}.shape == space{path}.shape"
