@@ -130,3 +130,17 @@ class Outlasting(Traders):
     def _deads_step_first(self) -> Any:
         """Lets them wait."""
         return self.agent_selection
+
+
+class LiveAgain(Tokens):
+    """Who is left once the other has gone is taken for live, and may do nothing."""
+
+    def legal(self) -> Any:
+        """Nothing for one alone."""
+        return super().legal() * (len(self.agents) > 1)
+
+    def step(self, action: Any) -> None:
+        """Takes the flag back."""
+        super().step(action)
+        if len(self.agents) == 1:
+            self.terminations[self.agents[0]] = False

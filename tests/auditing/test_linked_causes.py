@@ -30,6 +30,7 @@ GAMES = "tests.auditing.linked_games"
         ("ByAddress", {"GK608": None}),
         ("ByMemo", {}),
         ("Outlasting", {"GK402": "GK405", "GK405": None}),
+        ("LiveAgain", {"GK233": "GK505", "GK505": None}),
     ],
 )
 def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:

@@ -20,6 +20,7 @@ from gamekeeper.auditing.holds import (
     dead_steps_held,
     ended_held,
     entries_held,
+    flags_held,
     infos_held,
     instances_held,
     missing_held,
@@ -87,6 +88,7 @@ HOLDS: Final = {
     "GK612": Hold("results of state() copied", state_held, ("GK622",)),
     "GK405": Hold("`rewards` cleared before each step", rewards_held, ("GK402", "GK403", "GK411")),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held, ("GK214", "GK402")),
+    "GK505": Hold("flags of the ended kept up", flags_held, ("GK233", "GK301", "GK402")),
     "GK303": Hold(
         "steps of the dead made by `_was_dead_step`",
         dead_steps_held,

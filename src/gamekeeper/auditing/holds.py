@@ -333,6 +333,22 @@ def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return with_methods(make, methods)
 
 
+def flags_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Keeps the flags of agents that have ended up, as long as they are in `agents`."""
+
+    def methods(cls: Any) -> dict[str, Callable[..., Any]]:
+        def step(self: Any, action: Any) -> None:
+            books = self.terminations, self.truncations
+            up = [[agent for agent, flag in book.items() if flag] for book in books]
+            cls.step(self, action)
+            for book, ended in zip((self.terminations, self.truncations), up, strict=True):
+                book.update(dict.fromkeys((a for a in ended if a in self.agents), True))
+
+        return {"step": step}
+
+    return with_methods(make, methods)
+
+
 def dead_steps_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Makes steps of ended agents as PettingZoo does; without agents nothing is played on."""
 

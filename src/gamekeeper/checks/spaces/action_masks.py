@@ -343,6 +343,7 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Cases:
         test = (
             "all(np.any(part) for part in mask)" if isinstance(each.mask, tuple) else "mask.any()"
         )
+        test += " or any(env.last()[2:4])" if evidence.api == "aec" else ""  # one that has ended
         yield Case(
             each.episode.at(each.turn, each.agent, each.place),
             not is_stuck,
