@@ -6,10 +6,9 @@ import itertools
 import weakref
 from collections.abc import Iterator
 from threading import Event
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
-from gymnasium.spaces import Discrete
 
 from gamekeeper import heartbeat
 from gamekeeper.auditing import audit as audit_room
@@ -22,13 +21,11 @@ from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks import check as checks_room
 from gamekeeper.checks.check import LOW, Case, Check, check, checks, selected
-from gamekeeper.checks.facts.episode_facts import PaymentTime
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.where import Where
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.interface.opening import open_env
-from gamekeeper.interface.tick_env import TickEnv
 from gamekeeper.plugins import Plugins
 from tests.faults.endings import SilentLeave
 from tests.faults.rovers import Rovers
@@ -287,43 +284,3 @@ def test_judge_keeps_no_good_case() -> None:
     judged = judge(promise, Contract(), ProbeEvidence("parallel"), {})
     assert (judged.outcome, judged.cases) == ("passed", 50)
     assert alive[0] <= 1
-
-
-class Paid(TickEnv):
-    """Thirty agents; the last one is paid once, at tick 3, for its own action."""
-
-    metadata: ClassVar[dict[str, Any]] = {"name": "paid_v0"}
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.possible_agents = [f"agent_{k}" for k in range(30)]
-        self.observation_spaces = {a: Discrete(20) for a in self.possible_agents}
-        self.action_spaces = {a: Discrete(2) for a in self.possible_agents}
-
-    def start(self, rng: Any, options: Any) -> None:
-        """Begins at tick 0."""
-        self.ticks = 0
-
-    def tick(self, actions: Any) -> None:
-        """Pays at the fourth tick, and ends at the twelfth."""
-        if self.ticks == 3:
-            self.add_reward("agent_29", 5.0 + 10.0 * int(actions["agent_29"]))
-        self.ticks += 1
-        if self.ticks == 12:
-            for agent in self.possible_agents:
-                self.truncate(agent, "time")
-
-    def observe(self, agent: Any) -> int:
-        """The tick."""
-        return self.ticks
-
-
-def test_payment_times_try_the_agent_that_is_paid_first() -> None:
-    """Where a reward is its agent's own, no other agent's alternatives are played."""
-    session = session_of(open_env(Paid), None, spec=Paid, kwargs={}, seed=0, budget=2_000)
-    gathering = gather(session, {"payment_times"}, died={}, on_probe=lambda *_: None)
-    found = [fact.value for fact in gathering.gathered().facts(PaymentTime)]
-    assert found
-    for each in found:
-        assert each.is_on_time
-        assert [agent for _, agent, _ in each.tried] == ["agent_29"]

@@ -115,7 +115,6 @@ def _timed(
     if one is None or one.reward(paid, payee) != turn.rewards.get(payee, 0.0):
         return None
     own = last_acts(base.episode, paid)
-    own = {payee: own[payee], **own} if payee in own else own  # its own action mostly decides
     tried: list[tuple[int, str, Any]] = []
     for agent, then, action, two in _alternatives(session, env, base, plan, own):
         tried.append((then, agent, action))
