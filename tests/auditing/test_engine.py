@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import weakref
 from collections.abc import Iterator
 from threading import Event
 from typing import Any
@@ -257,3 +258,29 @@ def test_judging_gives_signs_of_life(monkeypatch: pytest.MonkeyPatch) -> None:
     audit_here(Rovers, budget=50)
 
     assert waited == [True]
+
+
+def test_judge_keeps_no_good_case() -> None:
+    """Good cases are counted and let go: of hundreds of agents there are millions."""
+    alive: list[int] = []
+
+    class Look(Case):
+        """A case that weak references can name."""
+
+    @check("TEST004", LOW)
+    def promise(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+        """Something holds.
+
+        Fix: nothing
+        """
+        looks: list[weakref.ref[Case]] = []
+        for _ in range(50):
+            case: Case | None = Look(Where(), True)
+            looks.append(weakref.ref(case))  # type: ignore[arg-type]  # it was made a line above
+            yield case  # type: ignore[misc]  # the same
+            case = None
+        alive.append(sum(each() is not None for each in looks))
+
+    judged = judge(promise, Contract(), ProbeEvidence("parallel"), {})
+    assert (judged.outcome, judged.cases) == ("passed", 50)
+    assert alive[0] <= 1

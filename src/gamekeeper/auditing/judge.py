@@ -87,24 +87,27 @@ def judge(
         against = check.reason_against(contract, evidence)
         if against is not None:
             return Judged(check, "not_applicable", reason=against)
-        cases = list(check.run(contract, evidence))
+        cases, bad = 0, []
+        for case in check.run(contract, evidence):  # the good ones are counted, not kept
+            cases += 1
+            if not case.ok:
+                bad.append(case)
     except Exception:  # a third party's check may raise anything
         return Judged(check, "error", reason=traceback.format_exc())
-    bad = [each for each in cases if not each.ok]
     waiver = contract.waivers.get(check.id)
     if bad:
         sure = max(each.confidence or check.confidence for each in bad)
         outcome: Outcome = "failed" if waiver is None else "waived"
         shown, worst = _first_by_field(bad, check), min(bad, key=_badness(check))
         reason = check.doubt if waiver is None else waiver
-        counts = len(cases), len(bad)
+        counts = cases, len(bad)
         return Judged(check, outcome, *counts, shown, sure, reason, worst.severity)
     if not cases:
         return Judged(check, "not_exercised", reason=_not_exercised(check, evidence))
     if evidence.blind and not NOT_COMPARED.issuperset(check.needs):
         return Judged(check, "not_exercised", reason=evidence.blind)
     reason = "" if waiver is None else f"its waiver isn't needed any more ({waiver})"
-    return Judged(check, "passed", len(cases), reason=reason)
+    return Judged(check, "passed", cases, reason=reason)
 
 
 def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:

@@ -53,13 +53,16 @@ class Owners:
         It is empty where that is seen of fewer than two agents or half of them, or where an agent's
         actions move something of several.
         """
+        known, moved = frozenset(self.agents), defaultdict[str, list[tuple[int, str]]](list)
+        for (agent, other), count in self.counts.items():
+            if other in known:
+                moved[agent].append((count, other))
         found = {}
         for agent in self.agents:
-            counts = sorted((self.counts[agent, other], other) for other in self.agents)[::-1]
-            count, owner = counts[0]
-            if count >= LEAST:
-                found[agent] = owner
-                if len(counts) > 1 and counts[1][0] > MOST_OTHERS * count:
+            counts = sorted(moved[agent], reverse=True)
+            if counts and counts[0][0] >= LEAST:
+                found[agent] = counts[0][1]
+                if len(counts) > 1 and counts[1][0] > MOST_OTHERS * counts[0][0]:
                     return {}
         is_enough = len(found) >= max(2, len(self.agents) / 2)
         return found if is_enough and len(set(found.values())) == len(found) else {}
@@ -99,7 +102,8 @@ def left_at(episode: Episode, turn: int) -> list[str]:
     """The agents of the reset that haven't ended at the start of a turn, in their order."""
     first = episode.turns[0]
     ended = {name for each in episode.turns if each.index <= turn for name in each.ended}
-    return [name for name in first.agents if name in first.live - ended]
+    left = first.live - ended
+    return [name for name in first.agents if name in left]
 
 
 def doings(evidence: ProbeEvidence) -> Doings:

@@ -150,10 +150,8 @@ def _paid_by_move(fact: Fact[MoveTrial], shape: EpisodeShape) -> _Paid | None:
     trial, roster = fact.value, list(shape.first)
     looks = [each for each in trial.looks if each.turn == trial.turn]
     paid = {each.target: each.is_changed for each in looks if each.on == "reward"}
-    left, then = (
-        [n for n in roster if all(e.agent != n or e.step >= step for e in shape.endings)]
-        for step in (trial.turn, trial.turn + 1)
-    )
+    gone = ({e.agent for e in shape.endings if e.step < trial.turn + k} for k in (0, 1))
+    left, then = ([n for n in roster if n not in ended] for ended in gone)
     ends_alike = not any(each.is_changed for each in looks if each.on == "ending")
     is_other = any(number < trial.round for _, number in (*shape.joined, *shape.left))
     if trial.is_shifted or is_other or not ends_alike or set(left) - set(paid):

@@ -41,7 +41,8 @@ def movers(api: str, turn: Turn) -> list[str]:
     """The live agents that are to move at this turn, whether or not they did."""
     ended = ended_in(turn)
     if api == "parallel":
-        return [agent for agent in turn.agents if agent in turn.live - ended]
+        live = turn.live - ended
+        return [agent for agent in turn.agents if agent in live]
     acted = turn.order or tuple(turn.observations)  # at the last turn of a play it only looked
     return [agent for agent in acted if agent not in ended]
 
@@ -58,8 +59,9 @@ def masks(contract: Contract, evidence: ProbeEvidence) -> Iterator[GivenMask]:
     for episode in evidence["rollout"]:
         for turn in episode.turns:
             for agent in movers(evidence.api, turn):
+                seen, info = turn.observations.get(agent), turn.infos.get(agent)
                 for place, read in mask_places(contract, agent):
-                    mask = read(turn.observations.get(agent), turn.infos.get(agent))
+                    mask = read(seen, info)
                     if mask is not None and known.get(agent) is not None:
                         yield GivenMask(episode, turn, agent, place, known[agent], mask)
 
