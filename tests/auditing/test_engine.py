@@ -275,10 +275,10 @@ def test_judge_keeps_no_good_case() -> None:
         """
         looks: list[weakref.ref[Case]] = []
         for _ in range(50):
-            case: Case | None = Look(Where(), True)
-            looks.append(weakref.ref(case))  # type: ignore[arg-type]  # it was made a line above
-            yield case  # type: ignore[misc]  # the same
-            case = None
+            case = Look(Where(), True)
+            looks.append(weakref.ref(case))
+            yield case
+            del case
         alive.append(sum(each() is not None for each in looks))
 
     judged = judge(promise, Contract(), ProbeEvidence("parallel"), {})
