@@ -193,20 +193,26 @@ class FilledOnce(Rovers):
         return tuple({agent: part[agent] for agent in left} for part in out)
 
 
-class BlownAndLeft(Rovers):
-    """Wind is drawn from a space; who has ended stays, and is paid on."""
+class LiveAgainByChance(LiveAgain):
+    """The same in a game that no seed settles."""
 
-    def drive(self, agent: str, action: int) -> None:
-        """The wind moves a rover."""
-        super().drive(agent, int(self.action_space(agent).sample()))
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Reads none."""
+        super().reset(None, options)
+
+
+class NeedsSeed(Rovers):
+    """A reset counts on from its seed."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Raises where there is none."""
+        return super().reset(seed + 1, options)  # type: ignore[operator]  # which is the fault
+
+
+class NeverTruncates(Rovers):
+    """Truncations are left empty, and rovers leave at the horizon."""
 
     def step(self, actions: dict[str, Any]) -> Any:
-        """Nobody leaves."""
-        there = list(self.agents)
-        out = super().step(actions)
-        self.agents = there
-        return out
-
-    def reward(self, agent: str) -> float:
-        """For being there."""
-        return super().reward(agent) + 1.0
+        """All else is told."""
+        observations, rewards, terminations, _, infos = super().step(actions)
+        return observations, rewards, terminations, {}, infos

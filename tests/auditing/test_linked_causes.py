@@ -34,6 +34,7 @@ GAMES = "tests.auditing.linked_games"
         ("SetsNoRewardsInTurn", {"GK107": None, "GK406": "GK107", "GK604": None}),
         ("FilledOnce", {"GK103": None, "GK523": "GK103", "GK604": "GK103"}),
         ("LiveAgain", {"GK233": "GK505", "GK505": None}),
+        ("LiveAgainByChance", {"GK233": "GK505", "GK505": None, "GK601": None}),
     ],
 )
 def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:
@@ -44,18 +45,22 @@ def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:
     assert named == causes
 
 
-@pytest.mark.parametrize(
-    ("game", "causes"),
-    [
-        ("DrawsOfSpaces", {"GK601": "GK638", "GK604": "GK638", "GK638": None, "GK701": "GK638"}),
-        ("BlownAndLeft", {"GK402": "GK503", "GK503": None, "GK601": "GK638", "GK638": None}),
-    ],
-)
-def test_cause_is_told_once_where_spaces_draw(game: str, causes: dict[str, str | None]) -> None:
+def test_copy_has_spaces_that_go_on_as_those_of_its_original() -> None:
     """In a process of its own, where spaces draw as they do for a user."""
-    found = audit(f"{GAMES}:{game}", select=tuple(causes), budget=1_000)
+    select = "GK601", "GK604", "GK638", "GK701"
+    found = audit(f"{GAMES}:DrawsOfSpaces", select=select, budget=1_000)
     named = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
-    assert named == causes
+    assert named == {"GK601": "GK638", "GK604": "GK638", "GK638": None, "GK701": "GK638"}
+
+
+@pytest.mark.parametrize(
+    ("game", "cause", "other"),
+    [("NeedsSeed", "GK524", "GK609"), ("NeverTruncates", "GK107", "GK501")],
+)
+def test_what_another_check_tells_is_not_judged(game: str, cause: str, other: str) -> None:
+    """Resets that raise draw nothing again, and half an end is none that is silent."""
+    found = audit_here(f"{GAMES}:{game}", select=(cause, other), budget=1_000)
+    assert [each.id for each in found.failed] == [cause]
 
 
 def test_what_is_other_by_an_address_follows_from_the_address() -> None:

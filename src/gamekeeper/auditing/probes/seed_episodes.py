@@ -189,8 +189,11 @@ def unseeded(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     env, other = session.env(), session.env() if session.can_make else None
     first = replace(play, actions=session.base.actions if session.base else None)
     begun = [_told(session.play(first, env, hold=False))]
-    unseeded: list[str] = []
     again = replace(play, seed=None)
+    played = session.play(again, env, hold=False)
+    if played.failed is not None and played.failed.call == "reset":
+        return  # that none is needed is another promise
+    unseeded = [_told(played)]
     _until_two(unseeded, FEW, lambda: _told(session.play(again, env, hold=False)))
     if other is not None:
         begun.append(_told(session.play(first, other, hold=False)))

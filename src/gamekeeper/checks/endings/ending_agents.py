@@ -136,6 +136,7 @@ def _left_a_tick(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, b
             left = live - turn.live
             is_over = not turn.live and len(left) > 1 and bool(left & new)
             left = left & ended if is_over else left  # at the others GK502 looks
+            left -= turn.terminated.keys() ^ turn.truncated.keys()  # of half an end GK108 tells
             if not is_twofold(turn):
                 yield from ((episode, turn.index, agent, agent in ended) for agent in sorted(left))
             live = turn.live
