@@ -15,8 +15,9 @@ from gamekeeper.auditing import audit as audit_room
 from gamekeeper.auditing import gather as gathering_room
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
-from gamekeeper.auditing.gather import gather, session_of
+from gamekeeper.auditing.gather import Gathering, gather, session_of
 from gamekeeper.auditing.judge import WANTED, judge
+from gamekeeper.auditing.probe import probes
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks import check as checks_room
@@ -195,6 +196,25 @@ def test_gather_goes_on_without_a_probe_in_which_the_process_died() -> None:
     assert "SIGSEGV" in gathered.not_exercised["rollout"]
 
 
+def test_in_order_puts_cheap_probes_of_many_checks_first() -> None:
+    """What ends the time costs the probes of few checks; where it is short, the last one moves."""
+    long, short = (gathering_room.in_order(probes(), is_short=each) for each in (False, True))
+    assert long[:3] == ["same_seed", "surface", "spaces"]
+    assert long[-1] == "second_episode"
+    assert short.index("second_episode") < short.index("unseeded") < short.index("alternated")
+    assert set(long) == set(short) == set(probes())
+
+
+def test_gather_gives_each_probe_one_look_however_short_its_share() -> None:
+    """The first look isn't cut by the probe's share; a later one is."""
+    session = session_of(open_env(Rovers), None, spec=Rovers, kwargs={}, seed=0, budget=2000)
+    gathering = Gathering(session, probes(["rollout"]), share_until_s=0.0)
+    gathering.looks["rollout"] = []
+    with pytest.raises(TimeUpError):
+        gathering_room._probe(gathering, "rollout", gathering.probes["rollout"], 2000, 1 << 24)
+    assert len(gathering.looks["rollout"]) == 1
+
+
 def test_gather_goes_on_where_time_ends_while_it_looks_for_sharing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -228,6 +248,27 @@ def test_audit_survives_a_process_that_is_killed(tmp_path: Any) -> None:
 
     assert {verdict.outcome for verdict in found.verdicts} == {"not_exercised"}
     assert "SIGKILL" in found.verdicts[0].reason
+
+
+def test_audit_finds_that_every_episode_ends_the_process(tmp_path: Any) -> None:
+    """An environment in which no probe lives gets a finding with a program, and no bare error."""
+    source = tmp_path / "aborter.py"
+    source.write_text(
+        "import os\n"
+        "from tests.faults.rovers import Rovers\n"
+        "class Aborter(Rovers):\n"
+        "    def step(self, actions):\n"
+        "        os.abort()\n"
+        "def make():\n"
+        "    return Aborter()\n",
+        encoding="utf-8",
+    )
+    found = audit(f"{source}:make", budget=300)
+
+    assert [each.id for each in found.failed] == ["GK221"]
+    assert "SIGABRT in step" in found.of("GK221").findings[0].actual
+    assert "aborter.py:5" in found.of("GK221").findings[0].actual
+    assert not [each.id for each in found.verdicts if each.outcome == "error"]
 
 
 def test_checks_refuses_two_of_one_id(monkeypatch: pytest.MonkeyPatch) -> None:

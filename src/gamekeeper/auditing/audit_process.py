@@ -12,13 +12,14 @@ from threading import Event, Timer
 from typing import Any, Final
 
 from gamekeeper.auditing.audit import BUDGET, QUICK, AuditAttempt, OnProbe, audit_here
-from gamekeeper.auditing.gather import INTERRUPTED, TIME_UP
+from gamekeeper.auditing.gather import DIED, INTERRUPTED, MOST_DEATHS, TIME_UP
 from gamekeeper.auditing.recorded_evidence import audit_run, is_run
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.check import selected
 from gamekeeper.checks.verdict import Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EnvError, GamekeeperError
+from gamekeeper.rollouts.worker_process import place
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.worker_errors import error_of
 from gamekeeper.terminal import say as say_on_stderr
@@ -30,8 +31,6 @@ LATE_S: Final = 10.0
 """An audit is interrupted so long after the time that it was given: its environment hangs."""
 HASH_SEED: Final = 0
 """PYTHONHASHSEED of the process, so that the same audit lists sets in the same order again."""
-MOST_DEATHS: Final = 6
-"""Probes in which the process may end before the audit gives up."""
 
 
 class AuditInterruptedError(KeyboardInterrupt):
@@ -157,12 +156,13 @@ def _audited(
 ) -> AuditResult:
     """Tries until the process lives to the end; see `audit`."""
     died: dict[str, str] = {}
-    while len(died) <= MOST_DEATHS:
+    value = None
+    while value is None and len(died) <= MOST_DEATHS + 1:
         value = _tried(spec, asked, died, silence_s, memory_bytes, on_probe)
-        if value is not None:
-            return value
+    if value is not None and (value.stopped != DIED or value.failed):
+        return value
     raise EnvError(
-        "the environment's process ended again and again",
+        DIED,
         where=spec,
         actual="; ".join(f"{probe}: {said}" for probe, said in died.items()),
         fix="play it with `gamekeeper rollout`, which keeps what it did until it ended",
@@ -215,7 +215,8 @@ def _tried(
             actual=outcome.traceback or "",
             fix="see the traceback: the process ended, or ran out of time or memory",
         )
-    died[current] = f"{outcome.status}: {outcome.error}"
+    where = place(outcome.traceback) if outcome.status == "died" else None
+    died[current] = f"{outcome.status}: {outcome.error}{f' in {where}' if where else ''}"
     return None
 
 

@@ -32,11 +32,19 @@ from gamekeeper.rollouts.process_randomness import held
 
 INTERRUPTED: Final = "the audit was interrupted"
 TIME_UP: Final = "the audit's time was over"
+DIED: Final = "the environment's process ended again and again"
+MOST_DEATHS: Final = 6
+"""Probes in which the process may end; after one more, no other probe looks."""
 BLIND: Final = "no step gave an observation or a reward (see what failed)"
 ROLLOUT: Final = "rollout"
 """The probe that plays whole episodes."""
 FIRST: Final = "same_seed"
 """The probe that tells whether episodes differ by themselves; it looks before all others."""
+EARLY: Final = (
+    *(FIRST, "surface", "spaces", "metadata", "rollout", "lifecycle", "kept", "unseeded"),
+    *("books", "written", "state", "special_seeds", "extra_calls"),
+)
+"""Probes of many checks, or of few steps: what ends the time of an audit costs the others."""
 LAST: Final = "second_episode"
 """The probe that plays again what another one saw differ in a used instance."""
 OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_process"})
@@ -45,6 +53,8 @@ OF_SHARING: Final = frozenset(
     {FIRST, "unseeded", "other_process", "second_episode", "alternated", "lifecycle"}
 )
 """Probes that look for what plays share, or that depend on the order of episodes."""
+FEW_TURNS: Final = 8
+"""A play takes so many, however little time there is."""
 
 
 @dataclass(slots=True)
@@ -61,6 +71,9 @@ class Gathering:
         class_state: what the classes kept before the first episode.
         is_shared: plays differ by that alone, so that it is held still for other probes.
         is_read: whether the environment has to be read otherwise was looked at.
+        share_until_s: time of the monotonic clock at which the share of the probe at work ends; its
+            first look may take longer, as less than that shows nothing.
+        is_short: the time allows fewer steps than were asked for.
     """
 
     session: ProbeSession
@@ -75,6 +88,8 @@ class Gathering:
     class_state: ClassState | None = None
     is_shared: bool = False
     is_read: bool = False
+    share_until_s: float | None = None
+    is_short: bool = False
 
     def for_probe(self, name: str, ration: int) -> ProbeSession:
         """The session of a probe, with what is held still for it."""
@@ -140,8 +155,8 @@ def gather(
             they don't look again.
         on_probe: called with a probe's name, its place and their number, before it looks.
         until_s: time of the monotonic clock at which all must be over; each probe has its share of
-            what is left when it begins, and looks once more where that was too little and time is
-            left at the end, within half of it.
+            what is left when it begins, and one look at least; it goes on where that was too little
+            and time is left at the end, within half of it.
         keeps_partial: Ctrl-C ends the gathering, and isn't raised.
     """
     found = probes(names)
@@ -149,22 +164,28 @@ def gather(
     total = sum(probe.share for probe in found.values()) or 1.0
     parts = {name: probe.share / total + probe.on_top for name, probe in found.items()}
     left = sum(parts.values())
-    if until_s is not None:
-        session.ration = min(session.ration, int(_steps_until(session, until_s) / left))
-    order = sorted(found, key=lambda name: (name != FIRST, name == LAST))
+    if len(died) > MOST_DEATHS:
+        gathering.stopped = DIED
+    elif until_s is not None and not died:
+        on_probe(in_order(found, is_short=False)[0], 0, len(found))  # it plays, and may die of it
+        steps = int(_steps_until(session, until_s) / left)
+        gathering.is_short = steps < session.ration
+        session.ration = min(session.ration, steps)
+    order = in_order(found, is_short=gathering.is_short)
     for names in (order, gathering.cut):  # those that are cut look once more in what is left
         if names is not order:
             left = sum(parts[name] for name in names)
             if until_s is not None:  # the other half is for reproducers
                 until_s = (time.monotonic() + until_s) / 2
         for name in list(names):
-            if gathering.stopped:
+            if gathering.stopped and name not in died:
                 gathering.not_exercised.setdefault(name, gathering.stopped)
                 continue
             on_probe(name, order.index(name), len(found))
             if until_s is not None:
-                now_s = time.monotonic()
-                session.meter.until_s = now_s + max(until_s - now_s, 0.0) * parts[name] / left
+                now_s, session.meter.until_s = time.monotonic(), until_s
+                share_s = max(until_s - now_s, 0.0) * parts[name] / left
+                gathering.share_until_s = now_s + share_s
             try:
                 _turn_of(gathering, name, parts[name], died)
             except KeyboardInterrupt:
@@ -179,6 +200,25 @@ def gather(
     if not gathering.stopped:
         _add_raised(gathering)
     return gathering
+
+
+def in_order(found: Mapping[str, Probe], *, is_short: bool) -> list[str]:
+    """The probes' names: early ones, all others, those on top of the budget, the last one.
+
+    Where time is short the last one, which would have no turn, comes once used instances were seen.
+    """
+    early = {name: place for place, name in enumerate(EARLY)}
+    if is_short:
+        early[LAST] = early["kept"]
+    return sorted(
+        found,
+        key=lambda name: (
+            name == LAST and not is_short,
+            early.get(name, len(early)),
+            found[name].on_top > 0,
+            name == LAST,
+        ),
+    )
 
 
 def _add_raised(gathering: Gathering) -> None:
@@ -211,8 +251,7 @@ def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, st
         gathering.cut.remove(name)
     gathering.looks.setdefault(name, [])
     try:
-        session.meter.count(0)  # what it saw before stays where no time is left
-        gathering.looks[name] = []
+        session.meter.count(0)
         rations = int(session.ration * part), int(EVIDENCE_BYTES * part)
         _probe(gathering, name, probe, *rations)
         if not gathering.is_read and name not in AS_IT_IS and _has_readings(gathering):
@@ -306,11 +345,17 @@ def look_once(session: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRu
 def _probe(gathering: Gathering, name: str, probe: Probe, ration: int, size_bytes: int) -> None:
     session = gathering.for_probe(name, ration)
     longest, held = most_turns(session, size_bytes), 0
+    if gathering.is_short:
+        longest = min(longest, max(ration, FEW_TURNS))
     looks = gathering.looks[name]
-    begun = session.meter.steps
+    begun, before = session.meter.steps, len(looks)
     try:
         for number, play in enumerate(probe.plays(session)):
-            if number and (session.meter.steps - begun >= ration or held >= size_bytes):
+            if number < before:  # it goes on where its time was over
+                continue
+            if number:
+                session.meter.until_s = gathering.share_until_s
+            if number > before and (session.meter.steps - begun >= ration or held >= size_bytes):
                 break
             session.number = number
             play = replace(play, most_turns=min(play.most_turns, longest))

@@ -268,6 +268,8 @@ def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Cases:
     None of a dead agent to `self._was_dead_step(action)`
     """
     for look in evidence.looks.get("rollout", ()):
+        if not look.episodes:  # its process died
+            continue
         raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)
         yield from _loops(look, raised, named.value.turns if named else [], {})
     for look in evidence.looks.get("near_limit", ()):

@@ -1,7 +1,7 @@
 """Checks of legal and illegal actions."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -125,6 +125,50 @@ def _may_blame_masks(turns: Sequence[LegalTurn]) -> bool:
 PROOF = "# nothing more: a step above raised, and every action in it is one of its action space"
 
 
+RANDOM_PLAY: Final = """
+from collections.abc import Mapping
+
+def sampled(agent, observation, info):
+    parts = observation if isinstance(observation, Mapping) else {}
+    mask = parts.get("action_mask", info.get("action_mask"))
+    return env.action_space(agent).sample(mask)
+
+env = make()
+start = env.reset(seed=SEED)
+for agent in env.possible_agents:
+    env.action_space(agent).seed(SEED)
+"""
+PLAYS_ON: Final = {
+    "parallel": f"""{RANDOM_PLAY}observations, infos = start
+for _ in range(500):
+    if not env.agents:
+        observations, infos = env.reset()
+    actions = {{each: sampled(each, observations[each], infos[each]) for each in env.agents}}
+    observations, *_, infos = env.step(actions)
+""",
+    "aec": f"""{RANDOM_PLAY}for _ in range(500):
+    if not env.agents:
+        env.reset()
+    agent = env.agent_selection
+    observation, _, terminated, truncated, info = env.last()
+    env.step(None if terminated or truncated else sampled(agent, observation, info))
+""",
+}
+"""Random legal actions, which end the process of an environment that kills it."""
+
+
+def _deaths(evidence: ProbeEvidence) -> Cases:
+    """Rollouts in which the environment ended its process; what is out of memory may be sound."""
+    for death in evidence.facts(ProbeDeath):
+        said = death.value.text
+        if death.where.probe == "rollout" and said.startswith("died") and "SIGKILL" not in said:
+            proof = Reproducer(PLAYS_ON[evidence.api], plays=False)
+            where = replace(death.where, field="raised")
+            yield Case(
+                where, False, "an episode that ends no process", f"the process {said}", proof
+            )
+
+
 @check(
     "GK221",
     HIGH,
@@ -148,6 +192,7 @@ def actions_of_the_space_are_accepted(contract: Contract, evidence: ProbeEvidenc
 
     Fix: take every action of the action space, make the space smaller, or give an action mask
     """
+    yield from _deaths(evidence)
     for fact in evidence.facts(TriedAction):
         if not fact.value.is_legal:
             continue
