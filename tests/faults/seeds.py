@@ -254,6 +254,24 @@ class EntropyWithoutSeed(Rovers):
         return super().reset(None, options)
 
 
+@faulty("GK601")
+class UnevenStart(Rovers):
+    """Under an option of the reset alone, the system's entropy says how full batteries are.
+
+    Without the option the seed settles everything.
+    """
+
+    battery: dict[str, Any]
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Batteries are alike unless they are asked to differ."""
+        super().reset(seed, options)
+        if (options or {}).get("uneven", False):
+            for agent in self.agents:
+                self.battery[agent] -= 2 * np.random.default_rng().random()
+        return {a: self.observation(a) for a in self.agents}, {a: self.info(a) for a in self.agents}
+
+
 @faulty("GK616")
 class OptionsStay(Rovers):
     """An option of one reset is the default of the next.
