@@ -154,6 +154,21 @@ class FirstSeedOnly(Traders):
         super().reset(seed if self.rng is None else None, options)
 
 
+@faulty("GK606")
+class FirstSeeds(Rovers):
+    """The first two seeds of an instance are obeyed, later ones aren't.
+
+    Counts its resets.
+    """
+
+    resets = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Hands the seed on twice."""
+        self.resets += 1
+        return super().reset(seed if self.resets <= 2 else None, options)
+
+
 @faulty("GK608")
 class RosterOfASet(Rovers):
     """`agents` comes in the order of a set; nothing else hangs on it.

@@ -10,6 +10,7 @@ from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
     AskedEntropy,
+    EpisodeBefore,
     EpisodeElsewhere,
     PlainSeed,
     SeededEpisodes,
@@ -296,15 +297,20 @@ def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases
                 expected = "the episode of this seed"
                 seen = "the same episode for any seed: "
                 seen += told_difference(counterfactual.divergence)
-                yield Case(where, False, expected, seen, _later_seeds_proof(evidence.api))
+                before = look.fact(EpisodeBefore)
+                times = 1 if before is None else before.value.times
+                yield Case(where, False, expected, seen, _later_seeds_proof(evidence.api, times))
 
 
-def _later_seeds_proof(api: str) -> Reproducer:
+def _later_seeds_proof(api: str, times: int) -> Reproducer:
+    before = (
+        ["    play(env)"] if times == 1 else [f"    for _ in range({times}):", "        play(env)"]
+    )
     return program(
         api,
         "def later(seed):",
         "    env = make()",
-        "    play(env)",
+        *before,
         "    return play(env, seed)",
         f"seen = {{later(seed) for seed in range({SEEDS})}}",
         f'assert len(seen) > 1, f"{SEEDS} seeds, and after each of them {{str(seen)[:400]}}"',
