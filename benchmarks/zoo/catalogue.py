@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ Group = Literal[
     "twelfth",
     "thirteenth",
     "fourteenth",
+    "fifteenth",
 ]
 
 
@@ -49,7 +51,7 @@ class Listed:
     group: Group
     """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
     *left* and *fresh*: audited for the first time once checks were changed by all of these;
-    *second* to *fourteenth*: likewise, once they were changed by those before."""
+    *second* to *fifteenth*: likewise, once they were changed by those before."""
 
     @property
     def key(self) -> str:
@@ -72,7 +74,7 @@ def catalogue(path: Path = CATALOGUE) -> Iterator[Listed]:
                 requirements=package["requirements"],
                 python=package.get("python", "3.11"),
                 name=each["name"],
-                spec=each["spec"].replace("factories.py:", f"{HERE / 'factories.py'}:"),
+                spec=re.sub(r"(\w+\.py):", rf"{HERE}/\1:", each["spec"]),
                 kwargs=each.get("kwargs", {}),
                 group=group,
             )

@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from zoo_repositories import inner_module, inside_repository, of_repository, older
+
 
 def laser_learning(level: int = 6) -> Any:
     """A level of the Laser Learning Environment."""
@@ -89,32 +91,6 @@ def sustainable_foraging(render_mode: str | None = None) -> Any:
 
 
 # Packages of the index whose environments are built from parts.
-
-
-def older(module: str, factory: str, **kwargs: Any) -> Any:
-    """Calls a factory written for PettingZoo 1.24 or older.
-
-    `pettingzoo.utils.agent_selector` was the class there; today it is the module that holds it.
-    """
-    import pettingzoo.utils
-
-    pettingzoo.utils.agent_selector = pettingzoo.utils.AgentSelector  # type: ignore[assignment,misc]
-    return getattr(importlib.import_module(module), factory)(**kwargs)
-
-
-def of_repository(repository: str, module: str, factory: str, **kwargs: Any) -> Any:
-    """Calls a factory of a repository that lies in the folder ZOO_REPOSITORIES as `owner+name`."""
-    folder, _, inner = repository.partition(":")
-    path = Path(os.environ["ZOO_REPOSITORIES"], folder, inner)
-    if str(path) not in sys.path:
-        sys.path.insert(0, str(path))
-    return older(module, factory, **kwargs)
-
-
-def inside_repository(repository: str, module: str, factory: str, **kwargs: Any) -> Any:
-    """The same for one that reads files from the directory that it is run in."""
-    os.chdir(Path(os.environ["ZOO_REPOSITORIES"], repository.partition(":")[0]))
-    return of_repository(repository, module, factory, **kwargs)
 
 
 def multigrid(name: str, **kwargs: Any) -> Any:
@@ -409,14 +385,6 @@ def coverage() -> Any:
     return of_repository(where, "rl.envs.pettingzoo_env", "CoverageParallelEnv", config=read[0])
 
 
-def inner_module(repository: str, inner: str, module: str) -> Any:
-    """A module of a repository whose packages lie in a folder of it, and are read from its root."""
-    root = Path(os.environ["ZOO_REPOSITORIES"], repository)
-    os.chdir(root)
-    sys.path.insert(0, str(root / inner))
-    return importlib.import_module(module)
-
-
 def racing() -> Any:
     """Three cars on the track of its own tests."""
     where = "Mibrahim2003+F1-RL"
@@ -547,53 +515,3 @@ def archetype(kind: str) -> Any:
     config = getattr(defaults, f"default_{kind}_config")()
     adapter = inner_module(where, "", f"simulation.adapters.{kind}_pettingzoo")
     return getattr(adapter, f"{kind.capitalize()}PettingZooParallelEnv")(config)
-
-
-def city() -> Any:
-    """Three builders of a city, without the package's list of games, which asks for others."""
-    where = "srcJin+6.S890_Course_Project"
-    inner_module(where, "src", "utils.logging")
-    return of_repository(f"{where}:src/envs", "simcity", "SimCityEnv")
-
-
-def exchange() -> Any:
-    """Traders at an exchange, with the configuration of its own example."""
-    market = inner_module("0xWelt+TradeMasterOnline", "", "tmo.env.trading_env")
-    return market.TradingEnv.from_config("examples/configs/default.yaml")
-
-
-def construction(module: str, factory: str) -> Any:
-    """Robots that build a cottage, by the design that its own script reads."""
-    where, package = "sriv144+embodied-skill-composer", "embodied_skill_composer.construction"
-    read = inner_module(where, "src", f"{package}.runtime").load_house_design
-    design = read(Path("configs/construction/cottage_v1.yaml").absolute())
-    plan = inner_module(where, "src", f"{package}.compiler").compile_house_design(design)
-    return getattr(inner_module(where, "src", f"{package}.{module}"), factory)(plan)
-
-
-def railway() -> Any:
-    """Two teams on a grid of railway lines, by the configuration of its own for one."""
-    import yaml
-
-    where = "scherven+jetlagtaiwan"
-    grid = inner_module(where, "", "engine.grid_network").GridNetwork
-    config = yaml.safe_load(Path("config_grid.yaml").read_text())
-    sizes = [config["network"][f"grid_{name}"] for name in ("rows", "cols", "interval_minutes")]
-    return inner_module(where, "", "agents.env_wrapper").RailGameEnv(config, grid(*sizes))
-
-
-def high_ground() -> Any:
-    """Two teams of three on the flat map of its own tests."""
-    where = "TannerOlason+EECS590-RL-Capstone"
-    maps = inner_module(where, "", "highground.maps.static_maps")
-    return inner_module(where, "", "highground.env.srpg_env").HighGroundEnv(*maps.flat_open())
-
-
-def draft() -> Any:
-    """A draft of heroes, with the estimates at random that its own training uses."""
-    import json
-
-    mock = inner_module("Chrona0822+Dota2_Draft_Optimizer", "", "mock_eva").MockEvaluator
-    read = json.loads(Path("models/hero_mappings.json").read_text())
-    heroes = {w: {int(k): v for k, v in read[w].items()} for w in ("hero2idx", "idx2hero")}
-    return older("bp_env", "DotaBPEnv", evaluator=mock(**heroes), **heroes)
