@@ -392,6 +392,27 @@ def test_state_that_a_rare_episode_leaves_is_found() -> None:
     assert next(iter(probes({"second_episode"})["second_episode"].plays(session))) is plan
 
 
+class PaidTheNextTick(Rovers):
+    """A sample is paid at the tick after it was found, by a list that no reset clears."""
+
+    def __init__(self) -> None:
+        super().__init__(horizon=30)
+        self.owed: list[tuple[int, str]] = []
+
+    def reward(self, agent: str) -> float:
+        """Pays what is due at this tick, and only then."""
+        if super().reward(agent):
+            self.owed.append((self.time + 1, agent))
+        due = (self.time, agent)
+        found, self.owed = self.owed.count(due), [each for each in self.owed if each != due]
+        return float(found)
+
+
+def test_what_was_owed_before_the_largest_reward_is_looked_for_after_a_reset() -> None:
+    """Few cuts of an episode leave a debt; one before a payment does."""
+    assert broken(PaidTheNextTick, ("GK604",)) == ["GK604"]
+
+
 def test_sets_are_turned_in_six_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two are played under all hash seeds that are needed, four more under one of them each."""
     asked: dict[int, list[int]] = {}

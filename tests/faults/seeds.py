@@ -154,6 +154,21 @@ class FirstSeedOnly(Traders):
         super().reset(seed if self.rng is None else None, options)
 
 
+@faulty("GK606")
+class FirstSeeds(Rovers):
+    """The first two seeds of an instance are obeyed, later ones aren't.
+
+    Counts its resets.
+    """
+
+    resets = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Hands the seed on twice."""
+        self.resets += 1
+        return super().reset(seed if self.resets <= 2 else None, options)
+
+
 @faulty("GK608")
 class RosterOfASet(Rovers):
     """`agents` comes in the order of a set; nothing else hangs on it.
@@ -252,6 +267,24 @@ class EntropyWithoutSeed(Rovers):
         """A generator of its own for each episode."""
         self.rng = np.random.default_rng(seed)
         return super().reset(None, options)
+
+
+@faulty("GK601")
+class UnevenStart(Rovers):
+    """Under an option of the reset alone, the system's entropy says how full batteries are.
+
+    Without the option the seed settles everything.
+    """
+
+    battery: dict[str, Any]
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Batteries are alike unless they are asked to differ."""
+        super().reset(seed, options)
+        if (options or {}).get("uneven", False):
+            for agent in self.agents:
+                self.battery[agent] -= 2 * np.random.default_rng().random()
+        return {a: self.observation(a) for a in self.agents}, {a: self.info(a) for a in self.agents}
 
 
 @faulty("GK616")

@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.auditing.probes.seed_episodes import OTHERWISE
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.process_randomness import held
 
@@ -52,7 +53,9 @@ def options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     The value is another one of the same type as the default, or as the attribute of that name.
 
-    Counterfactuals: an episode after a reset with that option, beside one after a reset without.
+    Counterfactuals by `change`: `options before`, an episode after a reset with that option, beside
+    one after a reset without; `the same option`, an episode with it played again, with the global
+    generators elsewhere.
     """
     asked, env = AskedOptions(), session.env()
     with held():
@@ -69,9 +72,14 @@ def options(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
                 continue
             if session.divergence(base.episode, first.episode) is None:
                 continue
+            named = {"option": key, "value": value}
             after = session.after(replace(before, options={key: value}), base.play)
-            change = {"change": "options before", "option": key, "value": value}
+            change = {"change": "options before", **named}
             yield session.beside(plain.episode, again.episode, after.episode, change)
+            with held(OTHERWISE):
+                same = session.play(first.play, session.env(), hold=False)
+            change = {"change": "the same option", **named}
+            yield session.beside(first.episode, first.episode, same.episode, change)
             break
 
 

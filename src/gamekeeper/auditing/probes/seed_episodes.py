@@ -330,15 +330,15 @@ def second_episode(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     Counterfactuals: what went before the episode differs.
 
-    The same episode, up to `BEFORE` times, one of another seed that is cut in its middle,
-    `RESETS` resets with the same seed and no step. Each comes only where those before it told
-    nothing. Facts, beside a counterfactual that parts:
+    The same episode, up to `BEFORE` times, one of another seed that is cut in its middle, the same
+    cut before its largest reward, `RESETS` resets with the same seed and no step. Each comes only
+    where those before it told nothing. Facts, beside a counterfactual that parts:
         `EpisodeBefore`, `LaterSeeds`.
     """
     base = session.fresh(play)
     change = {"change": "an episode before"}
     resets = replace(base.play, actions=(), most_turns=0)
-    for before in (base.play, _cut(session, base), resets):
+    for before in (base.play, _cut(session, base), *_unpaid(base), resets):
         times = RESETS if before is resets else 1
         if before is base.play:
             after, times = _once_more(session, base, BEFORE[session.number % len(BEFORE)])
@@ -362,6 +362,15 @@ def _cut(session: ProbeSession, base: EpisodeResult) -> EpisodePlan:
     turns = len(base.play.actions or ()) // 4 * 2 + 1 + session.number % 2
     seed = (base.play.seed or 0) + APART
     return EpisodePlan(seed=seed, stream=base.play.stream + APART, most_turns=turns)
+
+
+def _unpaid(base: EpisodeResult) -> Iterator[EpisodePlan]:
+    """The episode up to the step that pays most: what is owed then is paid later."""
+    turns = base.episode.turns
+    paid = [max((abs(x or 0.0) for x in turn.rewards.values()), default=0.0) for turn in turns]
+    at = max(range(len(paid)), key=paid.__getitem__, default=0)
+    if at and paid[at] > min(paid[:-1]):  # a turn's rewards are those of its own step
+        yield replace(base.play, actions=(base.play.actions or ())[:at], most_turns=at)
 
 
 def _once_more(session: ProbeSession, base: EpisodeResult, most: int) -> tuple[EpisodeResult, int]:

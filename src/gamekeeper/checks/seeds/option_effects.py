@@ -32,6 +32,8 @@ def options_hold_for_one_episode(contract: Contract, evidence: ProbeEvidence) ->
     Fix: take the default of an option from what the constructor was given, not from the last reset
     """
     for each in evidence.counterfactuals("options"):
+        if each.change["change"] != "options before":
+            continue
         tells = told_of(contract, each)
         key, value = each.change["option"], each.change["value"]
         lines = (

@@ -2,14 +2,15 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, LOW, Case, Cases, check
 from gamekeeper.checks.facts.seed_facts import (
     AskedEntropy,
+    EpisodeBefore,
     EpisodeElsewhere,
     PlainSeed,
     SeededEpisodes,
@@ -19,6 +20,7 @@ from gamekeeper.checks.facts.seed_facts import (
     UnseededEpisodes,
     UnseededOpenings,
 )
+from gamekeeper.checks.literal import literal
 from gamekeeper.checks.paired_episodes import (
     FIELD,
     SAME,
@@ -112,16 +114,16 @@ MISSED: Final = (
 )
 
 
-@check("GK601", HIGH, "same_seed", "other_process", applies=settled_by_seed)
+@check("GK601", HIGH, "same_seed", "other_process", "options", applies=settled_by_seed)
 def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """Deterministic by the seed: after reset(seed) the same actions give the same episode.
 
     Otherwise the seed is ignored, or part of the randomness isn't seeded, and no result can be
     reproduced. Observations, masks, infos, rewards, ends, the order of agents and state() are
-    compared, over whole episodes; once more with the generators of numpy, random and torch that all
-    of a process shares started elsewhere, as in another program. Empty options make no difference
-    either, nor does the time of day. Where infos alone differ it is of low severity: a clock among
-    them is declared volatile in a contract.
+    compared, over whole episodes, also under an option of the reset; once more with the generators
+    of numpy, random and torch that all of a process shares started elsewhere, as in another
+    program. Empty options make no difference either, nor does the time of day. Where infos alone
+    differ it is of low severity: a clock among them is declared volatile in a contract.
 
     Bad:
         def step(self, actions):
@@ -139,13 +141,16 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Cases:
         return  # instances share something, and that is another promise
     plays = list(evidence.counterfactuals("same_seed"))
     differs = differs_by_itself(evidence)
+    if not differs:
+        optional = evidence.counterfactuals("options")
+        plays += [each for each in optional if each.change["change"] == "the same option"]
     facts = evidence.facts(AskedEntropy)
     lines = tuple(dict.fromkeys(line for fact in facts for line in fact.value.lines))
     for each in plays:
         change, tells = each.change["change"], told_of(contract, each)
-        if change in ("nothing", "the global generators"):
+        if change in ("nothing", "the global generators", "the same option"):
             asked = lines if change == "nothing" else ()
-            for case in parted(each, _again(evidence.api, tells)):
+            for case in parted(each, _again(evidence.api, tells, each.change)):
                 is_minor = not case.ok and _is_of_infos(each)
                 if is_minor:
                     case = replace(case, severity=LOW, fix=VOLATILE)
@@ -175,8 +180,12 @@ def _is_of_infos(counterfactual: ProbeCounterfactual) -> bool:
     return compare(*plays, volatile={*names, *counterfactual.volatile}).divergence is None
 
 
-def _again(api: str, tells: frozenset[str]) -> Reproducer:
-    return program(api, *_repeated("play(make())"), tells=tells, unchanged=())
+def _again(api: str, tells: frozenset[str], change: Mapping[str, Any]) -> Reproducer:
+    lines, options = _repeated("play(make())"), ""
+    if "option" in change:
+        options = f", options={{{literal(change['option'])}: {literal(change['value'])}}}"
+    reset = f"env.reset(seed=seed{options})"
+    return program(api, *lines, tells=tells, reset=reset, unchanged=())
 
 
 def _repeated(play: str) -> tuple[str, ...]:
@@ -288,15 +297,20 @@ def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Cases
                 expected = "the episode of this seed"
                 seen = "the same episode for any seed: "
                 seen += told_difference(counterfactual.divergence)
-                yield Case(where, False, expected, seen, _later_seeds_proof(evidence.api))
+                before = look.fact(EpisodeBefore)
+                times = 1 if before is None else before.value.times
+                yield Case(where, False, expected, seen, _later_seeds_proof(evidence.api, times))
 
 
-def _later_seeds_proof(api: str) -> Reproducer:
+def _later_seeds_proof(api: str, times: int) -> Reproducer:
+    before = (
+        ["    play(env)"] if times == 1 else [f"    for _ in range({times}):", "        play(env)"]
+    )
     return program(
         api,
         "def later(seed):",
         "    env = make()",
-        "    play(env)",
+        *before,
         "    return play(env, seed)",
         f"seen = {{later(seed) for seed in range({SEEDS})}}",
         f'assert len(seen) > 1, f"{SEEDS} seeds, and after each of them {{str(seen)[:400]}}"',
