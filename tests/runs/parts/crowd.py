@@ -1,7 +1,5 @@
 """An environment whose guests, and what they see, differ from episode to episode."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time
