@@ -18,8 +18,6 @@ changed), `hostile` (environments that attack whoever records them), `viewer`.
     python benchmarks/attacks.py [--kind query ...] [--only WORD]
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -11,8 +11,6 @@ collisions it paid for is named, and nobody whom standing still would always hav
 recorded episodes of the usual warehouse take on two cores.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -12,8 +12,6 @@ PettingZoo's API and seed tests in a process of its own; a fault counts as found
 of them raises, a clean one as a false alarm. One JSON line an environment, one of sums at the end.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import json

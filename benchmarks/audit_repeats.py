@@ -8,8 +8,6 @@ each time all causes. One JSON line for each environment: {"figure", "environmen
 where anything differs. The load is that many processes that count, beside whatever else runs.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

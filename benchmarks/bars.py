@@ -20,8 +20,6 @@ With each result stand its date, the load when it began, and `others`: how many 
 took meanwhile, by the system's own count; on a quiet machine it is below 0.1.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """The table of bars as Markdown, out of what is wanted and what was measured."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Figures out of the JSON lines that benchmarks print, as benchmarks/wanted/*.toml says how."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Iterator, Mapping
 from functools import reduce

@@ -12,8 +12,6 @@ ratio; the median of segments that take turns with each other, in time of the pr
 included.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Callable

@@ -11,8 +11,6 @@ the other API. One JSON line an environment, then the sums; `--table` prints the
 docs/reference/measured.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

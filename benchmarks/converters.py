@@ -9,8 +9,6 @@ cost is a figure too. `ratio` is the median of the ratios of segments that stood
 conversion to the turns inside it; `to_theirs` is that of ours to PettingZoo's.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Callable

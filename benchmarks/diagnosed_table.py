@@ -1,7 +1,5 @@
 """Frame of the tables of diagnoses with nothing declared: answers, rows that are kept, shares."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

@@ -8,8 +8,6 @@ episodes played.
     python benchmarks/diagnosis.py [--workers 2] [--seed 0] [--kwargs '{"observation_noise": ...}']
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

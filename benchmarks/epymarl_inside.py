@@ -13,8 +13,6 @@ that EPyMARL chose: observations, available actions, rewards, ends, filled steps
 each algorithm and environment; 1 if any differs.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import logging

@@ -15,8 +15,6 @@ Prints a JSON line for each measure:
         [--rounds 3] [--only cost]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

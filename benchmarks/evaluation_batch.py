@@ -5,8 +5,6 @@ the resampling is done for all experiments by one matrix of counts. `same()` hol
 against the package's function on the same resamples. `evaluation_coverage.py` calls it first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

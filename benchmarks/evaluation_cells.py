@@ -7,8 +7,6 @@ number of episodes or runs, all by lot. `evaluation_truths.py --only cells --lot
 those of one seed, by the functions that make the intervals which `gamekeeper evaluate` prints.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Callable, Mapping

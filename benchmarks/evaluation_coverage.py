@@ -13,8 +13,6 @@ package's own, with 999 resamples in place of 4,999, for many experiments at onc
 (`evaluation_batch.py`).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

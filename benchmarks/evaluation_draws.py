@@ -1,7 +1,5 @@
 """The distributions that `evaluation_coverage.py` draws returns and scores from."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from math import exp
 from typing import Any

@@ -4,8 +4,6 @@ A bound may leave a truth out only for samples that a truth still farther off wo
 or it would be wrong there. Where these samples are rare at this truth, every interval covers it.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@
 `evaluation_truths.py` prints: cells by lot, each and by kind of interval; false claims by design.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Iterator

@@ -10,8 +10,6 @@ true; `found`: the part that claims what is true. The code under test is the pac
 arrays of returns on.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

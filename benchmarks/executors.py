@@ -15,8 +15,6 @@ Prints a JSON line for each measure:
     python benchmarks/executors.py [--tasks 10000] [--episodes 2000] [--rounds 3] [--seed 0]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -10,8 +10,6 @@ figure is measured in a process of its own; time is processor time, of the proce
 it started. `before_mb` is what the process had before its work began.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

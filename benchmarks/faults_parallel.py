@@ -7,8 +7,6 @@ Nothing here knows of any tester: they are told only by which of these they call
 
 # ruff: noqa: N801 - a class is called as its fault is typed
 
-from __future__ import annotations
-
 from typing import Any, Final
 
 import numpy as np

@@ -11,8 +11,6 @@ Run as a script, for every line of its input, [words, where its output goes], a 
 A line whose words begin with `-c` is a script of Python: its text, then its arguments.
 """
 
-from __future__ import annotations
-
 import importlib
 import io
 import json

@@ -16,8 +16,6 @@ role's whole action is called a message, if and only if the form has one. `advic
 judged) is passed over.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

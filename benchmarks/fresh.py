@@ -16,8 +16,6 @@ for 10 episodes and diagnosed without a contract, a reference or a knob. Prints 
         [--also other.jsonl] [--only TEXT]
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ show that it is what it claims to be, by the rule of undo_causes.py: at most hal
 succeed, and 22 or more without the fault; of a healthy one 22 or more.
 """
 
-from __future__ import annotations
-
 import copy
 from collections import deque
 from collections.abc import Callable, Iterator

@@ -5,8 +5,6 @@
 Nothing is declared of them, and nothing here uses the diagnosis' own code.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

@@ -15,8 +15,6 @@ Prints a JSON line for each target: inputs, refused, read, seconds, and what els
 `tests/fuzz/corpus` keeps what was ever found; `tests/fuzz/test_corpus.py` plays it again.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import faulthandler

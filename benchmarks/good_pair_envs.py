@@ -5,8 +5,6 @@ are mpe2's, in wrappers that take arguments of their own. Each has arguments tha
 is solved and arguments that don't. Nothing here uses the diagnosis' own code.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any, ClassVar

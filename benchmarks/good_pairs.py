@@ -15,8 +15,6 @@ Wilson interval, and of healthy pairs (all differences harmless) those in which 
     python benchmarks/good_pairs.py [--pairs 20] [--healthy 8] [--episodes 2000] [--seed 0]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import random

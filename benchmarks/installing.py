@@ -7,8 +7,6 @@ WHEEL: what `make dist` built (default: the one in dist/). Prints one JSON line:
 the size of what was installed, as pip compiles it, without pip.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

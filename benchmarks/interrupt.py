@@ -18,8 +18,6 @@ One JSON line a command: {"figure", "command", "instants", "life_s", "interrupte
     python benchmarks/interrupt.py [--command record] [--instants 20] [--seed 0] [--cold]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

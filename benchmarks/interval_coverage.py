@@ -8,8 +8,6 @@ truth is 0. Differences with few, tied, skewed and rare values stand among the t
 outcomes of episodes are such.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Callable

@@ -11,8 +11,6 @@ One JSON line a task, level and number of copies: {"figure", "task", "engine", "
     python benchmarks/kernel_recording.py [--tasks two_robot_line ...] [--copies 64 1024]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import statistics

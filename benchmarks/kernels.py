@@ -19,8 +19,6 @@ machine of two cores it is about 1. `threads` compares two threads with one, and
 processes that know nothing of each other with one: more than that the machine doesn't give.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import importlib

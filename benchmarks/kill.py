@@ -19,8 +19,6 @@ Exits 1 where anything wasn't as it should be.
         [--seed 0] [--cold] [--minutes M]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

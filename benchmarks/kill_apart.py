@@ -17,8 +17,6 @@ fall into their work; cold, the workers begin as always, and most instants fall 
 Used by `benchmarks/kill.py --who parent|worker|merger [--cold]`.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import random

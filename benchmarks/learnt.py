@@ -13,8 +13,6 @@ for which a cause is named.
         [--seconds 170] [--keep learnt.jsonl]
 """
 
-from __future__ import annotations
-
 import random
 import sys
 import warnings

@@ -5,8 +5,6 @@ network needs its observations normalized. `Lanterns` (AEC, Box): three lanterns
 places of their own by forces. Nothing is declared, and nothing here uses the diagnosis' own code.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

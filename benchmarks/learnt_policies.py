@@ -5,8 +5,6 @@ that come late or are held, fields in another order, a sensor or an actuator tur
 other units. Nothing here uses the diagnosis' own code.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

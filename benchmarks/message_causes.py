@@ -6,8 +6,6 @@ do with messages, and set-ups without one. Whether a set-up is what it claims to
 plain rollouts, by the rule of undo_causes.py.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ says where the other has to go. Messages take the air between them, which may lo
 exchange them. Nothing is declared, and nothing here uses the diagnosis' own code.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any, ClassVar
 

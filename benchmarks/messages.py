@@ -17,8 +17,6 @@ second call goes on), then the shares with Wilson intervals:
         [--keep messages.jsonl] [--kinds said heard air other healthy]
 """
 
-from __future__ import annotations
-
 import random
 import sys
 import warnings

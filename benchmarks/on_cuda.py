@@ -17,8 +17,6 @@ ends the episode, and ours draws its episodes as RWARE does. Peers scan over man
 compiled call; ours starts each step from Python.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

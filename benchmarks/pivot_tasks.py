@@ -4,8 +4,6 @@ Nothing of the search for pivots is used here. A continuation is played from the
 actions up to a turn, then the task's policy on draws of its own, with other draws of the rules.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -23,8 +23,6 @@ policies, for PPO models of Stable-Baselines3 with two sizes of networks, on `fe
     .venv-sb3/bin/python benchmarks/pivots.py --copies
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

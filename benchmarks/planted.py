@@ -11,8 +11,6 @@ docs/reference/diagnosis-planted.md.
         [--seed 0] [--part 0/2] [--keep planted.jsonl] [--page docs/reference/diagnosis-planted.md]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

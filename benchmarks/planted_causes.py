@@ -12,8 +12,6 @@ is so is looked at by plain rollouts on seeds of their own, by this rule, stated
 Set-ups that don't come out so are none, and others are drawn until there are enough.
 """
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections.abc import Iterator

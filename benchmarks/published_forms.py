@@ -8,8 +8,6 @@ what has a line there isn't measured again. The second prints the page with the 
 beside `benchmarks/forms/published.toml`, in which stands what the sources say, and where.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -11,8 +11,6 @@ face is measured with Python's garbage collector off, too: it looks through all 
 thousands of agents that is much.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import json

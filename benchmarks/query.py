@@ -11,8 +11,6 @@ process.
     python benchmarks/query.py [--runs 1000] [--rows 10000] [--repeats 5]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

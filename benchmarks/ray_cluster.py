@@ -14,8 +14,6 @@ different ones, "ok"}.
         [--episodes 192] [--tasks 10000]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

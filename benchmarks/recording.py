@@ -7,8 +7,6 @@ segments. `bytes` is the size of the finalized run per agent-step.
     python benchmarks/recording.py [--tasks two_robot_line,spread,...] [--segments 15]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -12,8 +12,6 @@ and closing the run, are in `recording.py` only.
         [--level actions]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

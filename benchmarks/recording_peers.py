@@ -19,8 +19,6 @@ over the steps; `bytes` is what lies on disk, a step. A recorder that can't be m
 and the reason as `why`.
 """
 
-from __future__ import annotations
-
 import argparse
 import gc
 import json

@@ -6,8 +6,6 @@ time per agent-step; the buffer is emptied, not encoded, so encoding and closing
     python benchmarks/recording_step.py [--tasks two_robot_line,aec_ours_2] [--segments 5]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import statistics

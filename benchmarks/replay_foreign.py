@@ -8,8 +8,6 @@ their own, under different hash seeds, as they would be on two days.
     python benchmarks/replay_foreign.py [--only WORD ...]
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import json

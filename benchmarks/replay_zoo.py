@@ -7,8 +7,6 @@ two days. The exit code is 1 if any environment neither verified nor got its cau
     python benchmarks/replay_zoo.py [--only WORD ...] [--extra FILE:factory ...] [--markdown]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import pkgutil

@@ -11,8 +11,6 @@ page is kept.
     python benchmarks/report.py [--run RUN] [--episodes 200] [--turns 500] [--out FILE] [--profile]
 """
 
-from __future__ import annotations
-
 import argparse
 import cProfile
 import json

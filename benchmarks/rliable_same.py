@@ -8,8 +8,6 @@ on Python 3.11). Prints a JSON line for each figure: the largest difference over
 score matrices, some of them with ties, with 1 to 30 runs in 1 to 12 environments.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import subprocess

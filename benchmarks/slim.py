@@ -9,8 +9,6 @@ are drawn beforehand, so that only the environment is timed. Needs `pettingzoo[c
 and `mpe2`.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import importlib

@@ -8,8 +8,6 @@ with, and for its linker alone, without which no machine code can be loaded.
     python benchmarks/starting.py [--repeats 11]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import resource

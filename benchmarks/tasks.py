@@ -11,8 +11,6 @@ for each agent-step (policy included). Episode k has seed `--seed` + k.
 `--knobs` measures each knob by itself as well, at the strength that stands in KNOBS.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

@@ -4,8 +4,6 @@ What a tick costs here is next to nothing, so what stands around it is seen. Sou
 two robots on a line; observations are arrays, as their space says.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -9,8 +9,6 @@ form: cells that hold the log, cells that are refused, with the reason, and cell
     python benchmarks/trainer_matrix.py tianshou       # likewise; torchrl, benchmarl, rllib
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

@@ -13,8 +13,6 @@ One JSON line a run and one a trainer, {"figure", "trainer", "version", "mb", "s
 gigabytes with torch, and minutes for each example and seed.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import json

@@ -27,8 +27,6 @@ In the environment of `make trainer-test TRAINER=sb3` (.venv-sb3), which has Sup
 One JSON line a run, then one a figure: {"figure", "part", ..., "wanted", "reached"}.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import shutil

@@ -8,8 +8,6 @@ in time of the processor, so that a busy machine slows all of them alike; and th
 power law fitted to them (0: the cost doesn't grow with the agents, 1: it grows as they do).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

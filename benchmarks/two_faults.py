@@ -8,8 +8,6 @@ suspected is enough. Environments whose own fault is one of seeds are left out, 
 another of the same kind.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -19,8 +19,6 @@ The set-ups come in an order that is drawn once, so that a run of fewer is a sam
         [--envs berth spread "spread, Box" "speaker, AEC" hoist safe ants]
 """
 
-from __future__ import annotations
-
 import random
 import sys
 import warnings

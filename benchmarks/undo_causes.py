@@ -11,8 +11,6 @@ by this rule, stated beforehand:
 Set-ups that don't come out so are none. *Undoable*: something outside the policy makes up for it.
 """
 
-from __future__ import annotations
-
 import copy
 from collections import deque
 from collections.abc import Callable, Iterator

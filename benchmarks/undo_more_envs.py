@@ -4,8 +4,6 @@ Parallel with Box (two winches and a trolley), AEC with messages and MultiDiscre
 each say a digit, and an opener), Parallel with Discrete (three ants). Nothing is declared of them.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

@@ -20,8 +20,6 @@ index alone: their build fetches files from elsewhere.
 One JSON line a subject: {"figure", "task", "subject", "agent_steps_s", "to_loop", "why"}.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import random

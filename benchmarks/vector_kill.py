@@ -15,8 +15,6 @@ One JSON line for each kind of kill: {"figure", "killed", "kills", "gone", "unsh
     python benchmarks/vector_kill.py [--who parent|worker] [--kills 50] [--seed 0] [--cold]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -11,8 +11,6 @@ Exits 1 where any differs.
         [--engines serial kernel]
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

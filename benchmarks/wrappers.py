@@ -10,8 +10,6 @@ without it. Then microseconds of processor time a step, of segments that take tu
     python benchmarks/wrappers.py batches                   # over compiled batches
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """The tree of errors is as it is drawn."""
 
-from __future__ import annotations
-
 import inspect
 import re
 

@@ -1,7 +1,5 @@
 """Under an import guard nothing is found in closed folders, however they are spelled."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import subprocess

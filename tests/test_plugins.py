@@ -1,7 +1,5 @@
 """Built-ins by walking a package, third parties by entry points."""
 
-from __future__ import annotations
-
 import itertools
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """The way to standard error."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

@@ -9,8 +9,6 @@ tier.
     make seconds       # runs all tests and writes the file
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What an attack is, and what came of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Attacks on evidence: SQL that writes, code beside a run, hashes made to fit, annotations."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

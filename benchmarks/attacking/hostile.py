@@ -1,7 +1,5 @@
 """Environments that attack whoever records, audits or describes them."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

@@ -1,7 +1,5 @@
 """An environment that attacks whoever records it: one way of `WAYS`, in one place, in both APIs."""
 
-from __future__ import annotations
-
 import locale
 import os
 import signal

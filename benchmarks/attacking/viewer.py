@@ -1,7 +1,5 @@
 """Attacks on `gamekeeper view`: idle connections, little memory, a locale without UTF-8."""
 
-from __future__ import annotations
-
 import http.cookiejar
 import json
 import os

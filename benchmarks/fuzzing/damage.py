@@ -1,7 +1,5 @@
 """Damage: bits and pieces of bytes, values of plain data, and words that parsers trip over."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Command lines, played in this process: damaged ones, and sound ones over damaged evidence."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """The folders that inputs are read from: sound evidence of every kind, and a copy to damage."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Runs in a folder, one file of each damaged or altered, their hashes made to fit again."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import random

@@ -1,7 +1,5 @@
 """Parsers that take one text or one document, without a run around it."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -13,8 +13,6 @@ otherwise. rware and lbforaging are the originals, in Python, with which our ker
 step.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

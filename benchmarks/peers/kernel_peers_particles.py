@@ -7,8 +7,6 @@ line printed is JSON: agent-steps a second, the best of five parts. A peer that 
 so there.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -6,8 +6,6 @@ Prints a JSON line for each: the declared dtype and the one that is loaded again
 ended before a kill -9, and data sets that Minari lists afterwards.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import signal

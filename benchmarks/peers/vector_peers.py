@@ -3,8 +3,6 @@
 PATH/bin/python benchmarks/peers/vector_peers.py supersuit_0 --task spread --seconds 4
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

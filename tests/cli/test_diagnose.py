@@ -1,7 +1,5 @@
 """`gamekeeper diagnose` and `gamekeeper label`."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

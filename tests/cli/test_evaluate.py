@@ -1,7 +1,5 @@
 """`gamekeeper evaluate`, and suites in the list."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import signal

@@ -1,7 +1,5 @@
 """Ctrl-C, wherever a command is: 130, no traceback, nothing left behind."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

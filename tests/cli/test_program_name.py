@@ -1,7 +1,5 @@
 """Commands that are shown name the program as the person started it."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`gamekeeper view`: what it says first, how it ends."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket

@@ -6,49 +6,7 @@ from hypothesis import strategies as st
 
 from gamekeeper.contract import Contract
 from gamekeeper.errors import ContractError
-
-WAREHOUSE = """\
-name = "warehouse_v0"
-api = "parallel"
-why = "all robots move once a tick; the tick resolves their joint action"
-
-[schedule]
-stages = [["picker", "carrier"]]        # roles that act together
-order = "none"
-observe = "after tick"
-conflicts = "joint rule"
-horizon = 200
-
-[roles.picker]
-agents = "picker_*"
-symmetric = true
-may_join = true
-may_leave = true
-noop = 4
-mask = "infos.action_mask"
-messages = []
-
-[rewards.delivery]
-kind = "shared"
-earner = "carrier"
-payee = "all"
-
-[endings]
-battery = { kind = "truncation", owner = "agent" }
-cleared = { kind = "termination", owner = "all" }
-
-[seeds]
-deterministic = true
-[infos]
-position = { dtype = "int64", shape = [2] }
-wall_s = { volatile = true }
-[knobs]
-sensor_noise = { label = "perception", ideal = 0.0 }
-[failure]
-team = "deliveries < 3"
-[waivers]
-GK503 = "battery death is announced one tick late on purpose"
-"""
+from tests.contract.test_contract import WAREHOUSE
 
 
 def seen_error(text, **options):

@@ -1,7 +1,5 @@
 """Whole policies in agents' places: they tell whose fault an undo undoes, and what is joint."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

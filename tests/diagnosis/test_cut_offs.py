@@ -1,7 +1,5 @@
 """Failures that are no agent's: episodes cut off too early, and what is the same for all."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

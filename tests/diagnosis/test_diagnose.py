@@ -1,7 +1,5 @@
 """Diagnoses of recorded runs, from end to end."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A run beside one that worked: the least set of differences that explains the gap."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 from typing import Any, ClassVar

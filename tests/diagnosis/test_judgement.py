@@ -1,7 +1,5 @@
 """What arms say, on outcomes made by hand."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Failure labels beside the evidence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

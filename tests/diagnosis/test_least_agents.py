@@ -1,7 +1,5 @@
 """Least sets of agents: a healthy one beside two at fault isn't accused, one that helps is."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Messages between agents: they are found, delivered, and never blamed on one agent alone."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Agents that aren't plain texts have one name in columns, policies, changes and findings."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from pathlib import Path
 

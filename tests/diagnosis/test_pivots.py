@@ -1,7 +1,5 @@
 """The turn that lost a failed episode, and the agent whose action would have kept it."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

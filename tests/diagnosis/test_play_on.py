@@ -1,7 +1,5 @@
 """Playing on from a recorded turn: one thing is changed, and everything else goes on as it did."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any

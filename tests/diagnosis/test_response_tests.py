@@ -1,7 +1,5 @@
 """Policies as black boxes: lags, draws, deaf fields and memory are found as they were planted."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from typing import Any

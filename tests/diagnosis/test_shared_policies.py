@@ -1,7 +1,5 @@
 """A rerun has the recorded set-up, down to which agents one object plays; else it says so first."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

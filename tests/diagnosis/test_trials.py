@@ -1,7 +1,5 @@
 """What of a set-up isn't at its ideal, and how it gets there."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Undos from outside: they do what they say, and a diagnosis names the one that restores."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """Games of every kind of space, recorded in memory, and buffered turns cut to any length."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, ClassVar
 

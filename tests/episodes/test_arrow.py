@@ -1,7 +1,5 @@
 """Blocks go into record batches and come back bit for bit, sliced or whole, through Parquet too."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

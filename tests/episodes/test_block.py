@@ -1,7 +1,5 @@
 """Blocks are columns of raw bytes, sorted, bounded, null where nothing is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from gymnasium.spaces import Box, Discrete, Text

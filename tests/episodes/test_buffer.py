@@ -1,7 +1,5 @@
 """The buffer hands over whole turns, in order, whoever appends meanwhile."""
 
-from __future__ import annotations
-
 import sys
 import threading
 

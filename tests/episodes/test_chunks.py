@@ -1,7 +1,5 @@
 """An episode from its front: no row twice, no turn split, and compared as if it were whole."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pyarrow as pa

@@ -1,7 +1,5 @@
 """Canonical bytes: what counts, what doesn't, and that no two rows share them by accident."""
 
-from __future__ import annotations
-
 import json
 from hashlib import blake2b
 from typing import Any

@@ -1,7 +1,5 @@
 """Arrays of draws are the draws that a stream makes one by one, to the last bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given

@@ -1,7 +1,5 @@
 """Batches and fingerprints don't depend on how the buffer was cut."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

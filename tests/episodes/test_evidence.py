@@ -1,7 +1,5 @@
 """One run has one fingerprint; anything that happened otherwise has another."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Columns are named after who differs from whom; tags don't know about others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a column says of itself is believed only where it can be so."""
 
-from __future__ import annotations
-
 import json
 
 import pyarrow as pa

@@ -1,7 +1,5 @@
 """Opponents are told from a team by what they are paid."""
 
-from __future__ import annotations
-
 import numpy as np
 import pyarrow as pa
 import pytest

@@ -1,7 +1,5 @@
 """What an episode came to, and whether that counts as failed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

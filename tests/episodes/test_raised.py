@@ -1,7 +1,5 @@
 """What an exception says is foreign code, and never gets in the way."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Seeds of episodes and random streams of policies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

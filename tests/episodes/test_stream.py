@@ -1,7 +1,5 @@
 """One counted stream of random numbers."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

@@ -1,7 +1,5 @@
 """Summaries say what each agent got and did, by hand-counted runs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

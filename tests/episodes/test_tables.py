@@ -1,7 +1,5 @@
 """An episode's rows out of a whole table, however it is cut into chunks."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pyarrow as pa

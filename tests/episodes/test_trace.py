@@ -1,7 +1,5 @@
 """What was recorded reads back as it was, for every space and every oddity."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

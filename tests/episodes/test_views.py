@@ -1,7 +1,5 @@
 """Views of episodes and turns are sequences: counted, indexed, sliced, read more than once."""
 
-from __future__ import annotations
-
 import pytest
 
 from gamekeeper.episodes.views import Views

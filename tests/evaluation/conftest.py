@@ -1,7 +1,5 @@
 """Fixtures of evaluation's tests."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 

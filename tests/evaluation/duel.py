@@ -1,7 +1,5 @@
 """A game of one step whose truth is known: strength, luck, and what may go wrong."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

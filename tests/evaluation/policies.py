@@ -1,7 +1,5 @@
 """Policies that tests name: one that fails, and many that differ a little, as training runs do."""
 
-from __future__ import annotations
-
 from typing import Any
 
 

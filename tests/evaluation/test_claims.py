@@ -1,7 +1,5 @@
 """Claims: what is packed is ticked elsewhere, and whatever was changed is named."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Cross-play: cells, best responses, fairness."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

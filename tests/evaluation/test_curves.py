@@ -1,7 +1,5 @@
 """Learning curves over checkpoints, and performance profiles."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

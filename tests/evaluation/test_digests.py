@@ -1,7 +1,5 @@
 """Digests: what makes an environment and a policy other ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from gamekeeper.evaluation.inspection import digest_of, environment_digest, placed, policy_digest

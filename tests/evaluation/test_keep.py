@@ -1,7 +1,5 @@
 """Folders of recorded line-ups, as a person finds them."""
 
-from __future__ import annotations
-
 from gamekeeper.evaluation.worker_tasks import folder_names
 
 

@@ -1,7 +1,5 @@
 """marl-eval's layout."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

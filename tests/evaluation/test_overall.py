@@ -1,7 +1,5 @@
 """Figures over environments."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Specifications, read from TOML and plain data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

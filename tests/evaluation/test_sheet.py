@@ -1,7 +1,5 @@
 """Raw episodes as rows, and figures of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

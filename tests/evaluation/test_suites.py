@@ -1,7 +1,5 @@
 """Suites: what makes them what they are, pins, and what others cite."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Evaluation of a game whose truth is known: rivals, families of claims, what broke off, resets."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Environments played from scripts that Hypothesis draws, and what they were asked."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Files and registrations that last for one test of opening."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small environments of other shapes, whose next number is plain arithmetic."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Small tasks written on the two base classes, as an author would."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A game played from a script: by PettingZoo's documented pattern, and on the base class."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rows of AEC environments: one for who acted, others for who was paid or changed."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 from typing import Any

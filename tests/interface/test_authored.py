@@ -1,7 +1,5 @@
 """What both base classes give an author beside the books: horizon and contract."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

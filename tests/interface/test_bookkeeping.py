@@ -1,7 +1,5 @@
 """The AEC books keep what PettingZoo promises, whatever is played."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections.abc import Hashable

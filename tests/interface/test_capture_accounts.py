@@ -1,7 +1,5 @@
 """The door over our own books writes the rows that comparing everything gives."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Many agents: rows a turn and work a turn don't grow with their number."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

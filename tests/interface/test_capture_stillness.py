@@ -1,7 +1,5 @@
 """The recorder does not disturb: same values, same calls, whatever an environment does."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Observations, infos and states are handed out as copies, of the type that their space says."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any, ClassVar

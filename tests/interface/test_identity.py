@@ -1,7 +1,5 @@
 """Who an environment is, and opening it again by that."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Who plays whom, with which stream, and what is told when a policy fails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

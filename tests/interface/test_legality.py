@@ -1,7 +1,5 @@
 """Which actions an author's rules get to see, and what becomes of the others."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`random` and `first-legal` in every action space, with masks and without."""
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from typing import Any

@@ -1,7 +1,5 @@
 """From an id, a module, a factory or an object to a live environment."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import sys

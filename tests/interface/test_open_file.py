@@ -1,7 +1,5 @@
 """From a Python file to a live environment, and what is told when its code fails."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from pathlib import Path

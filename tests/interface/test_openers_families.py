@@ -1,7 +1,5 @@
 """Openers of whole families: JaxMARL, Jumanji, PyMARL, marlenv, OpenSpiel."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Gymnasium's environments as games: one agent, or several in tuples."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

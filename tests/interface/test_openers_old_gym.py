@@ -1,7 +1,5 @@
 """The old Gym's shape, both ways: its environments as ours, ours as its."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

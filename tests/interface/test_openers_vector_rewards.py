@@ -1,7 +1,5 @@
 """MOMAland's shape: vectors of rewards become terms, and their sum is paid."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rows of Parallel environments: who was given what, did what, and was paid for it."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from typing import Any
 

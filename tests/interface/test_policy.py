@@ -1,7 +1,5 @@
 """Policies by what a user names."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

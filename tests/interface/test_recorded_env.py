@@ -1,7 +1,5 @@
 """Faces are PettingZoo environments that nobody can tell from the one behind them."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """An author's own names never take the place of the base's in silence."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Rings hand large observations over to the writer with one copy and bounded memory."""
 
-from __future__ import annotations
-
 import threading
 import time
 from typing import Any

@@ -1,7 +1,5 @@
 """There and back again: what is converted twice is what it was."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hypothesis import given

@@ -1,7 +1,5 @@
 """One face in the place of the wrappers that environments ship in."""
 
-from __future__ import annotations
-
 import copy
 import importlib
 import pickle

@@ -1,7 +1,5 @@
 """A running environment put aside and taken up again."""
 
-from __future__ import annotations
-
 import copy
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Whether a call draws: seen by the generators an environment holds, which are put back."""
 
-from __future__ import annotations
-
 import gc
 import random
 import sys

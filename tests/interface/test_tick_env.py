@@ -1,7 +1,5 @@
 """A Parallel environment of which the author wrote the rules alone."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

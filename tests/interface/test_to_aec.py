@@ -1,7 +1,5 @@
 """A Parallel environment behind the AEC interface."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """An AEC environment behind the Parallel interface."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """What `to_parallel` refuses, and that nothing has changed then."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

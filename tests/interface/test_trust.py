@@ -1,7 +1,5 @@
 """What evidence from elsewhere may have opened unasked, and third parties' openers."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 from collections.abc import Callable, Iterator

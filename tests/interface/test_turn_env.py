@@ -1,7 +1,5 @@
 """An AEC environment of which the author wrote the rules alone."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

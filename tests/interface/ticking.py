@@ -1,7 +1,5 @@
 """Games played from a script, all at once and in rounds of turns, and what they give."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

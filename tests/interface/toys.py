@@ -1,7 +1,5 @@
 """Small environments and source texts that several tests of opening share."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

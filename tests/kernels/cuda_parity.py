@@ -4,8 +4,6 @@ Arguments: kernels as `module:name`, `name` a kernel, or a task of ours; then th
 With NUMBA_ENABLE_CUDASIM=1 the device is Numba's simulator.
 """
 
-from __future__ import annotations
-
 import sys
 from importlib import import_module
 from typing import Any

@@ -3,8 +3,6 @@
 Arguments: kernels, as in `cuda_parity`. For each a line: its name, bytes of PTX, fused operations.
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from types import SimpleNamespace

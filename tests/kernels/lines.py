@@ -1,7 +1,5 @@
 """A kernel that is a few lines long: two robots on a line, with wind that is drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 from gymnasium import spaces
 

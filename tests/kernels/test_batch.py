@@ -1,7 +1,5 @@
 """Batches: copies as bytes, threads, code kept on disk."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Compiled code on disk: what is used stays, what isn't makes room."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Kernels on CUDA: the same bits as plain Python, in Numba's simulator; PTX without a device."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

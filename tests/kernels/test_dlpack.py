@@ -1,7 +1,5 @@
 """A batch's arrays are those of whoever learns from them: nothing is copied."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One copy of a kernel as PettingZoo has it plays as a batch of one does, and can be copied."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """Kernels: rules draw as Streams do, and run the same compiled and as plain Python."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

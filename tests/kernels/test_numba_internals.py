@@ -1,7 +1,5 @@
 """What the kernels use of Numba beside its public names: the versions that it fits."""
 
-from __future__ import annotations
-
 import inspect
 from importlib import import_module
 from typing import Final

@@ -1,7 +1,5 @@
 """A kernel of turns that is a few lines long: who draws the last of some sticks wins."""
 
-from __future__ import annotations
-
 import numpy as np
 from gymnasium import spaces
 

@@ -1,7 +1,5 @@
 """`handover` written by hand, as a `TurnEnv`; its rules R1 to R12 stand in the task itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Unpack

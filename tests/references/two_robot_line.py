@@ -1,7 +1,5 @@
 """`two_robot_line` written by hand, as a `TickEnv`; its rules R1 to R5 stand in the task itself."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final, Unpack
 

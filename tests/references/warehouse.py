@@ -1,7 +1,5 @@
 """`warehouse` written by hand, as a `TickEnv`; its rules R1 to R14 stand in the task itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, Unpack

@@ -3,8 +3,6 @@
 That answer is one, whatever order the robots are asked in.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Final, TypeVar

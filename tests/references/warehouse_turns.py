@@ -1,7 +1,5 @@
 """`warehouse_turns` written by hand, as a `TurnEnv`; rules T1 to T3 stand in the task itself."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from gamekeeper import tasks

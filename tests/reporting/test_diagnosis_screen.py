@@ -1,7 +1,5 @@
 """A diagnosis on one screen."""
 
-from __future__ import annotations
-
 import gamekeeper as gk
 from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
 

@@ -1,7 +1,5 @@
 """An evaluation as text."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of a run from some rows at a time are those of all rows at once."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Evidence as data frames of pandas."""
 
-from __future__ import annotations
-
 import pytest
 
 import gamekeeper as gk

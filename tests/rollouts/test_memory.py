@@ -1,7 +1,5 @@
 """Evidence in memory: the whole run, however long, and nothing that its environment still owns."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

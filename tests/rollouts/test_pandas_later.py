@@ -1,7 +1,5 @@
 """Processes of ours don't load pandas, and nobody can tell."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The loop that plays: seeds by episode, policies by agent, cuts and ends."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An episode that is only counted comes to what the recorded one came to."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

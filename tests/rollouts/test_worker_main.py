@@ -1,7 +1,5 @@
 """The worker's own main: what it says before a task of ours begins."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """What somebody who can write the files can do: change them, and checksums the run again."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

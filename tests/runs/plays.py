@@ -1,7 +1,5 @@
 """How tests of recording write environments into files, play them and replay what was recorded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

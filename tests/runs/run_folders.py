@@ -1,7 +1,5 @@
 """Small batches of every stream, and runs made of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

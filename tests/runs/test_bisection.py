@@ -1,7 +1,5 @@
 """The first commit that differs is found by halving, and the repository is only read."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

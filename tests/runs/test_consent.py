@@ -1,7 +1,5 @@
 """What is opened unasked imports nothing from the current folder; an own run needs no flag."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

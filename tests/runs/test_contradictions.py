@@ -1,7 +1,5 @@
 """A run whose rows contradict what it says of itself, though all checksums were made to fit."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Level `actions`: small runs keep what full runs say, and expand into them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

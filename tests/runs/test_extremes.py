@@ -1,7 +1,5 @@
 """Extremes: crowds, nobody, names that are anything, values that are no numbers, long and short."""
 
-from __future__ import annotations
-
 import json
 import tracemalloc
 from pathlib import Path

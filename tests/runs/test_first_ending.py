@@ -1,7 +1,5 @@
 """A failure condition on what nothing measures is refused by whatever reads it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page of run format 1 names every file, column and key that runs have."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

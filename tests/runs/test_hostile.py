@@ -1,7 +1,5 @@
 """Environments whose objects attack: their failure is recorded, and is theirs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

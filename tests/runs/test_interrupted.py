@@ -1,7 +1,5 @@
 """Ctrl-C in the middle of writing, finalizing, claiming and closing; and folders that vanish."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Turns that were recorded and not encoded yet are read from the journal, and nothing else is."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterator
 from pathlib import Path

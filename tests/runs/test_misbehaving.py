@@ -1,7 +1,5 @@
 """Environments that misbehave: what is kept of them, and what they can't take with them."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

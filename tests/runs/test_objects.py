@@ -1,7 +1,5 @@
 """Runs of environments that were handed over as objects are opened again, or say what to add."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys

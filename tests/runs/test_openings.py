@@ -1,7 +1,5 @@
 """Episodes whose reset had no seed: played again by themselves, from what they began with."""
 
-from __future__ import annotations
-
 import random
 import shutil
 from pathlib import Path

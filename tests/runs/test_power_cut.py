@@ -1,7 +1,5 @@
 """What a power cut may do to a run: the order in which files are synced, and torn files."""
 
-from __future__ import annotations
-
 import os
 import random
 import shutil

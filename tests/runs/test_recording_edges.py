@@ -1,7 +1,5 @@
 """Edges of recording and replaying that users come upon."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A replay runs nothing that a manifest names unless the user allows it, and believes no claim."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

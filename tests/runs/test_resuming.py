@@ -1,7 +1,5 @@
 """A resumed episode stands where the recorded one stood, and goes on as that did."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

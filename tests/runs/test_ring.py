@@ -1,7 +1,5 @@
 """Runs that retain some of their episodes, the figures of the others, and a size."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from contextlib import suppress

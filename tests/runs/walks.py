@@ -1,7 +1,5 @@
 """Two small environments for tests of recording; tests also write their text into files."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

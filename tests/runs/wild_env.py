@@ -1,7 +1,5 @@
 """Environments that misbehave in one chosen place and one chosen way, in both APIs."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

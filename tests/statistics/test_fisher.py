@@ -1,7 +1,5 @@
 """Fisher's exact test against what is known of it."""
 
-from __future__ import annotations
-
 import pytest
 
 from gamekeeper.errors import EvidenceError

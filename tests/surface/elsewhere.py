@@ -6,8 +6,6 @@ The real thing can't be had here: this shows that no module asks for such a name
 imported, and that recording, reading and reporting, which need no worker process, ask for none.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import importlib
 import json

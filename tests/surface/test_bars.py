@@ -1,7 +1,5 @@
 """The table of bars: what is wanted is well said, and the page shows what is kept."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Wheel and sdist are built, whole, and work where nothing else of the clone is."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import sysconfig

@@ -1,7 +1,5 @@
 """The tables of faults name tests that exist."""
 
-from __future__ import annotations
-
 import ast
 import re
 from functools import cache

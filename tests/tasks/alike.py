@@ -1,7 +1,5 @@
 """Two environments played side by side: all that they tell is the same, bit for bit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

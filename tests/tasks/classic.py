@@ -1,7 +1,5 @@
 """A task of ours beside PettingZoo's game of the same rules, turn by turn."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

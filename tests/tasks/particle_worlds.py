@@ -1,7 +1,5 @@
 """Worlds of ours and of mpe2 in the same state, played with the same actions."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Games of pursuit that stand as they are drawn."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from gamekeeper.tasks.pursuit import pursuit_rules as rules

@@ -1,7 +1,5 @@
 """connect_four: its written rules, and equality with PettingZoo's."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The kernel of `handover` plays as the rules written by hand."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

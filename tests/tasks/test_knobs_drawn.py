@@ -1,7 +1,5 @@
 """What knobs draw at once is what their streams draw number by number."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """What the four worlds of particles have in common: physics, pictures, contracts, policies."""
 
-from __future__ import annotations
-
 import functools
 import math
 import pickle

@@ -1,7 +1,5 @@
 """Worlds of particles are mpe2's: the same observations, rewards, ends and states."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """pursuit: each of its written rules, in fields drawn as text."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

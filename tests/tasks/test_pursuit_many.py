@@ -1,7 +1,5 @@
 """pursuit: compiled and plain, thousands of agents, arguments, policies, pictures."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """The written rules of `reference` and `speaker_listener`; that they are mpe2's is elsewhere."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

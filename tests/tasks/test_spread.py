@@ -1,7 +1,5 @@
 """The written rules of `spread`; that they are mpe2's is in test_particles_mpe2."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

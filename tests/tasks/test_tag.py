@@ -1,7 +1,5 @@
 """The written rules of `tag`; that they are mpe2's is in test_particles_mpe2."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

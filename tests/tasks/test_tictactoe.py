@@ -1,7 +1,5 @@
 """tictactoe: its written rules, and equality with PettingZoo's."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

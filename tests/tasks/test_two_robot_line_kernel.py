@@ -1,7 +1,5 @@
 """The kernel of `two_robot_line` plays as the rules written by hand."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from typing import Any

@@ -1,7 +1,5 @@
 """The rules of the warehouse, one test for each that is written."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every knob changes what it should and nothing else."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

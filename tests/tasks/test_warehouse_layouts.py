@@ -1,7 +1,5 @@
 """Floors: what makes one, and how far it is from cell to cell."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections import deque

@@ -1,7 +1,5 @@
 """Who may move: laws that hold for any crowd, and each case by itself."""
 
-from __future__ import annotations
-
 import itertools
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """What both warehouses promise as environments: PettingZoo's tests, spaces, seeds, copies, size."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from types import SimpleNamespace

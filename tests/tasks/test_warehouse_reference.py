@@ -1,7 +1,5 @@
 """Both warehouses play as the ones written by hand do, number by number."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from itertools import count

@@ -1,7 +1,5 @@
 """The warehouse by turns: what its rules say beyond the Parallel one's."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small warehouses in a known state, for tests of single rules."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

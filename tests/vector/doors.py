@@ -1,7 +1,5 @@
 """An environment that raises where a closed door is chosen; masks are in infos."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

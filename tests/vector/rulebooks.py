@@ -1,7 +1,5 @@
 """Small kernels with all that the kernel engine has to cope with."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An agent that leaves without an ending is terminated in the step in which it left."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

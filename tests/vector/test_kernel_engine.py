@@ -1,7 +1,5 @@
 """The kernel engine: what the serial engine gives over a kernel's environments, from one batch."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

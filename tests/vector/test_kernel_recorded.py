@@ -1,7 +1,5 @@
 """Recorded batches: the rows and fingerprints of copies that are played one at a time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

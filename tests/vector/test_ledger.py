@@ -1,7 +1,5 @@
 """Arrays of a vector environment hold the transitions of a log worked out by hand."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.adapters import ledger, vector_books

@@ -1,7 +1,5 @@
 """A learner's first mistake, an action that the mask forbids, is named with the mask and a fix."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Vector environments: every engine gives what a plain loop over the copies gives."""
 
-from __future__ import annotations
-
 import pickle
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is left of a vector environment when a process of it goes: nothing."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

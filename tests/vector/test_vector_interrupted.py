@@ -1,7 +1,5 @@
 """Ctrl-C while a vector environment waits or writes: what comes after it is in step and whole."""
 
-from __future__ import annotations
-
 import signal
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Agents that join late, of other spaces, with masks that come and go; seeds of episodes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recorded copies: one run, the fingerprints that the episodes have one by one."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

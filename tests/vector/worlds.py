@@ -1,7 +1,5 @@
 """Small environments with all that a vector environment has to cope with."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

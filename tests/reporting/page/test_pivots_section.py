@@ -1,7 +1,5 @@
 """The section of pivots: the curve of each failed episode, and links to the turns it fell."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

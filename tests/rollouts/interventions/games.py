@@ -1,7 +1,5 @@
 """Small games for changes: what agents are shown and may do is of every common form."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What each perturbation of planning, control and timing has an agent do, turn by turn."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

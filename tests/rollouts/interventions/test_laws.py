@@ -1,7 +1,5 @@
 """Laws of perturbations: nothing at strength 0, only whom it names, the same twice, as JSON."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What each perturbation of perception and state estimation shows, turn by turn."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An environment whose guests, and what they see, differ from episode to episode."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

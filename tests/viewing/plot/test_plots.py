@@ -1,7 +1,5 @@
 """Plots show what the evidence or the evaluation says, and refuse what it doesn't."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Any

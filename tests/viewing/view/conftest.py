@@ -1,7 +1,5 @@
 """A run that several tests look at, and a visitor of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 python growing.py RUN
 """
 
-from __future__ import annotations
-
 import sys
 from typing import Any, ClassVar
 

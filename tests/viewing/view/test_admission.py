@@ -1,7 +1,5 @@
 """Who isn't let in: strangers on this machine, and pages of other sites in its user's browser."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A run that is looked at while it is recorded, killed and recovered: every state is shown."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

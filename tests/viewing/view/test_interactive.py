@@ -1,7 +1,5 @@
 """Playing on from a page: who may, what is refused, and a future that is kept as evidence."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is served of runs: an index that tells what changed, episodes as the player reads them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import threading

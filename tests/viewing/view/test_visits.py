@@ -1,7 +1,5 @@
 """Connections have bounds: on their size, their time and their number."""
 
-from __future__ import annotations
-
 import socket
 from contextlib import ExitStack
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A visitor who can send what no browser would."""
 
-from __future__ import annotations
-
 import json
 import socket
 from dataclasses import dataclass
