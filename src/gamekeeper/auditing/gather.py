@@ -41,8 +41,8 @@ ROLLOUT: Final = "rollout"
 FIRST: Final = "same_seed"
 """The probe that tells whether episodes differ by themselves; it looks before all others."""
 EARLY: Final = (
-    *(FIRST, "surface", "spaces", "metadata", "rollout", "lifecycle", "kept", "unseeded"),
-    *("books", "written", "state", "special_seeds", "extra_calls"),
+    *(FIRST, "surface", "spaces", "metadata", "rollout", "lifecycle", "kept", "books"),
+    *("unseeded", "written", "state", "special_seeds", "extra_calls"),
 )
 """Probes of many checks, or of few steps: what ends the time of an audit costs the others."""
 LAST: Final = "second_episode"
