@@ -144,3 +144,25 @@ class LiveAgain(Tokens):
         super().step(action)
         if len(self.agents) == 1:
             self.terminations[self.agents[0]] = False
+
+
+class SetsNoRewards(Tokens):
+    """A reset leaves `rewards` to the first step: missing at first, later those of the last."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Everything else is as it was at first."""
+        known = vars(self).get("rewards")
+        super().reset(seed, options)
+        del self.rewards
+        if known is not None:
+            self.rewards = known
+
+    def _clear_rewards(self) -> None:
+        """New ones in each step."""
+        self.rewards = dict.fromkeys(self.agents, 0.0)
+
+    def observe(self, agent: str) -> dict[str, Any]:
+        """Tells in which games it is known what was paid last."""
+        seen = super().observe(agent)
+        seen["observation"][self.blocked] = 2 * hasattr(self, "rewards")
+        return seen

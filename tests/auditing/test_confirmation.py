@@ -435,12 +435,15 @@ def test_agents_in_the_game_are_given_the_entries_that_they_lack() -> None:
 
     class Turns(Uncleared):
         agent_iter = None
+        unwrapped = property(lambda self: self)
 
     env = missing_held(Silent)()
     env.reset()
     assert env.step({})[1] == {"a": 2.0, "b": 0.0}
     aec = missing_held(Turns)()
     aec.reset()
+    aec._cumulative_rewards["a"] = 1.0
+    aec.reset()  # which doesn't set them either
     assert aec._cumulative_rewards == {"a": 0.0, "b": 0.0}
 
 

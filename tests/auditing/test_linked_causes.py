@@ -30,6 +30,7 @@ GAMES = "tests.auditing.linked_games"
         ("ByAddress", {"GK608": None}),
         ("ByMemo", {}),
         ("Outlasting", {"GK402": "GK405", "GK405": None}),
+        ("SetsNoRewards", {"GK107": None, "GK406": "GK107", "GK604": "GK107"}),
         ("LiveAgain", {"GK233": "GK505", "GK505": None}),
     ],
 )

@@ -39,30 +39,35 @@ def as_before() -> Iterator[None]:
 
 
 def importing(channel: Heard, *, signs: bool) -> Callable[[str], Any]:
-    """`find`, but importing the task's module lasts until there was a sign of life, or wasn't."""
+    """`find`, but importing the task's module lasts until there was a sign of life, or wasn't.
+
+    Its task returns the threads that were begun since and go on. Those of earlier tests may end at
+    any time, so that they can't be counted.
+    """
+    before = set(threading.enumerate())
 
     def find(task: str) -> Any:
         assert channel.sign.wait(SOON_S if signs else 0.5) == signs
-        return lambda report: threading.active_count()
+        return lambda report: [each.name for each in threading.enumerate() if each not in before]
 
     return find
 
 
 def test_worker_main_importing_our_modules_is_no_silence(monkeypatch: pytest.MonkeyPatch) -> None:
     """While our task's module is imported there are signs of life; its thread ends before it."""
-    channel, before = Heard(), threading.active_count()
+    channel = Heard()
     monkeypatch.setattr(worker_main, "find", importing(channel, signs=True))
     order = {"task": "gamekeeper.runs.worker_tasks:any", "arguments": {}, "memory_bytes": None}
     answer = worker_main.perform(order, channel)
-    assert worker_main.encoded("returned", before) == answer
+    assert worker_main.encoded("returned", []) == answer
 
 
 def test_worker_main_importing_others_modules_is_silence(monkeypatch: pytest.MonkeyPatch) -> None:
     """A foreign module that hangs when it is imported gives no signs of life."""
-    channel, before = Heard(), threading.active_count()
+    channel = Heard()
     monkeypatch.setattr(worker_main, "find", importing(channel, signs=False))
     order = {"task": "other:any", "arguments": {}, "memory_bytes": None}
-    assert worker_main.encoded("returned", before) == worker_main.perform(order, channel)
+    assert worker_main.encoded("returned", []) == worker_main.perform(order, channel)
 
 
 @pytest.mark.parametrize("size_bytes", [None, 1 << 62, 10**30])

@@ -10,7 +10,7 @@ from gamekeeper.episodes.contract_questions import open_questions
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.contract_draft import agent_specs
 from gamekeeper.kernels.batch import Batch
-from gamekeeper.tasks.foraging.foraging import Foraging, arguments_of, foraging_kernel
+from gamekeeper.tasks.foraging.foraging import Foraging, foraging_kernel
 
 NOTHING, NORTH, SOUTH, WEST, EAST, LOAD = range(6)
 
@@ -205,7 +205,7 @@ def test_foraging_compiled_is_plain():
 def test_foraging_reference_is_better_than_greedy_than_lazy():
     """Together at one food pays more than each at its own, and that more than nothing."""
     rng = np.random.default_rng(0)
-    env = Foraging(**arguments_of("Foraging-6x6-2p-2f-coop-v3"), debug=True)
+    env = Foraging(players=2, max_num_food=2, field_size=(6, 6), force_coop=True, debug=True)
     means = {}
     for name, policy in Foraging.policies.items():
         paid = []
@@ -240,12 +240,6 @@ def test_foraging_refuses_what_it_cannot_be(arguments, where):
     """Errors name the argument."""
     with pytest.raises(SpecError, match=where):
         Foraging(**arguments, debug=True)
-
-
-def test_foraging_refuses_unknown_ids():
-    """Observations as a grid have no id of ours."""
-    with pytest.raises(SpecError, match="flattened"):
-        arguments_of("Foraging-grid-8x8-2p-3f-v3")
 
 
 def test_foraging_draws_pictures():

@@ -7,11 +7,10 @@ import pytest
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
-    import gymnasium
     from lbforaging.foraging import ForagingEnv
 
 from gamekeeper.randomness.stream import Stream
-from gamekeeper.tasks.foraging.foraging import Foraging, arguments_of
+from gamekeeper.tasks.foraging.foraging import Foraging
 
 BIASED = [0.04, 0.14, 0.14, 0.14, 0.14, 0.4]
 CASES = {
@@ -112,12 +111,3 @@ def test_foraging_is_lbforaging_step_by_step(name):
     paid, _, episodes = compare(CASES[name], steps=300, seed=len(name))
     assert paid != 0
     assert episodes > 4
-
-
-@pytest.mark.parametrize("name", ["Foraging-8x8-2p-3f-v3", "Foraging-2s-10x10-3p-4f-coop-v3"])
-def test_foraging_takes_ids_as_arguments(name):
-    """What lbforaging registers under an id is what our arguments make of it."""
-    theirs, ours = gymnasium.make(name).unwrapped, Foraging(**arguments_of(name))
-    assert theirs.observation_space[0] == ours.observation_space("player_0")
-    assert theirs.action_space[0] == ours.action_space("player_0")
-    assert (theirs.sight, theirs.force_coop) == (ours.tables[0]["sight"], ours.tables[0]["coop"])

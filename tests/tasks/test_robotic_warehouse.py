@@ -12,7 +12,6 @@ from gamekeeper.interface.contract_draft import agent_specs
 from gamekeeper.kernels.batch import Batch
 from gamekeeper.tasks.robotic_warehouse.robotic_warehouse import (
     RoboticWarehouse,
-    arguments_of,
     robotic_warehouse_kernel,
 )
 from gamekeeper.tasks.robotic_warehouse.robotic_warehouse_floor import OWN, SENSED
@@ -298,12 +297,18 @@ def test_robotic_warehouse_refuses_what_it_cannot_be(arguments, where):
         RoboticWarehouse(**arguments, debug=True)
 
 
-def test_robotic_warehouse_refuses_unknown_ids():
-    """Image observations and messages have no id of ours."""
-    with pytest.raises(SpecError, match="flattened"):
-        arguments_of("rware-img-tiny-2ag-v2")
-    told = arguments_of("rware-2s-2x3-8h-4ag-5req-twostage-v2")
-    env = RoboticWarehouse(**told, debug=True)
+def test_robotic_warehouse_has_the_floor_that_its_arguments_name():
+    """Shelves, sight and reward are as asked for."""
+    env = RoboticWarehouse(
+        shelf_rows=2,
+        shelf_columns=3,
+        column_height=8,
+        n_agents=4,
+        request_queue_size=5,
+        sensor_range=2,
+        reward_type="two_stage",
+        debug=True,
+    )
     assert env.state_space.shape[1:] == (20, 10)
     assert env.observation_space("robot_0").shape == (8 + 7 * 25,)
     assert env.kernel.terms == ("delivery", "put_back")

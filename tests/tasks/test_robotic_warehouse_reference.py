@@ -9,7 +9,7 @@ import rware
 from rware.warehouse import RewardType, Warehouse
 
 from gamekeeper.randomness.stream import Stream
-from gamekeeper.tasks.robotic_warehouse.robotic_warehouse import RoboticWarehouse, arguments_of
+from gamekeeper.tasks.robotic_warehouse.robotic_warehouse import RoboticWarehouse
 
 BIASED = [0.05, 0.6, 0.12, 0.12, 0.11]
 """Uniform actions seldom go anywhere; these make crowds, and deliveries."""
@@ -158,14 +158,3 @@ def test_robotic_warehouse_is_rware_step_by_step(name, monkeypatch):
     )
     assert paid > 0 or name not in ("dense", "two stages")
     assert ends > 0 or name != "alley"
-
-
-def test_robotic_warehouse_takes_ids_as_arguments():
-    """What rware registers under an id is what our arguments make of it."""
-    import gymnasium
-
-    for name in ("rware-tiny-2ag-v2", "rware-large-7ag-hard-v2", "rware-medium-3ag-easy-v2"):
-        theirs, ours = gymnasium.make(name).unwrapped, RoboticWarehouse(**arguments_of(name))
-        assert theirs.n_agents == len(ours.possible_agents)
-        assert theirs.request_queue_size == ours.tables[0]["requests"]
-        assert theirs.grid_size == ours.state_space.shape[1:]

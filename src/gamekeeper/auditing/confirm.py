@@ -156,19 +156,17 @@ class Confirmation:
         return self._seen[key]
 
     def passes_held(self, each: Programs, holds: Sequence[Hold]) -> bool:
-        """Tells whether a finding's program passes once causes are held still.
+        """Tells whether a finding's programs pass once causes are held still, short and whole.
 
-        Where the whole episode raises then, as its actions are of another game, the shortest does.
-        So it is where an agent isn't there at its end: it may be gone with a cause that leaves the
-        draws alone.
+        The whole episode may raise then, as its actions are of another game, or lack an agent at
+        its end. So may the shortest lack it, where the cause leaves the draws alone: it is gone
+        with the cause.
         """
         whole, shortest = (each.held(p, holds) for p in (each.whole, each.finding.reproducer))
-        if self.passes(whole):
-            return True
-        if not self._raised[whole].at and whole not in self._absent:
-            return False
         is_same_game = len(holds) == 1 and not holds[0].is_general
-        return self.passes(shortest, without="absent" if is_same_game else "passed")
+        if not self.passes(shortest, without="absent" if is_same_game else "passed"):
+            return False
+        return self.passes(whole) or whole in self._absent or self._raised[whole].at != ""
 
     def _rounds(self, program: str) -> Iterator[list[ProgramEnd]]:
         """Ends of processes, those beside each other together; what time cuts off tells nothing."""
@@ -285,10 +283,10 @@ def confirmed(
 
     Suspected are also those of checks that can't be certain.
 
-    Causes are established first. What compares two episodes, and passes once an established cause
-    is held still, is a consequence; it stays failed. What one episode shows is a consequence of the
-    causes alone that name its check. So is what ends in an exception that another's program ended
-    in, raised by the same line.
+    Causes are established first. What passes once an established cause is held still is a
+    consequence; it stays failed. Where the cause is held by more than the repair of one promise, so
+    is only what compares two episodes, or what the hold names. So is what ends in an exception that
+    another's program ended in, raised by the same line.
 
     Args:
         drafts: verdicts in the order of their ids, with the programs of their findings.
@@ -336,16 +334,15 @@ def _confirmed(
         with suppress(TimeUpError):  # what the processes import is no program's time
             work.passes("")
     for place, (verdict, programs) in enumerate(waiting):
-        others = tuple(_others(causes, verdict.id))
         work.until_s = _share_until(end_s, len(waiting) - place)
         try:
             if is_open and all(each.compares for each in programs):
                 raise TimeUpError  # it may follow from what the time was too short to establish
-            follows = _cause_of(verdict.id, programs, others, work)
+            follows = _cause_of(verdict.id, programs, causes, work)
             if follows is not None:
                 found[verdict.id] = replace(verdict, follows_from=follows)
                 continue
-            found[verdict.id] = _judged(verdict, programs, [hold for _, hold in others], work)
+            found[verdict.id] = _judged(verdict, programs, _general(causes), work)
         except TimeUpError:
             found[verdict.id] = replace(verdict, outcome="suspected", reason=NOT_RUN)
             is_open = is_open or (verdict.id in HOLDS and HOLDS[verdict.id].is_general)
@@ -355,9 +352,41 @@ def _confirmed(
             first = exceptions.setdefault(raised, verdict.id) if raised.at else verdict.id
             if first != verdict.id:
                 found[verdict.id] = replace(found[verdict.id], follows_from=FollowsFrom(first))
-            elif verdict.id in HOLDS:
+            elif verdict.id in HOLDS and HOLDS[verdict.id] not in [HOLDS[each] for each in causes]:
                 causes.append(verdict.id)
+    work.until_s = end_s
+    _trace_back(found, {verdict.id: programs for verdict, programs in waiting}, causes, work)
     return tuple(_without_chance(found, waiting).values())
+
+
+def _trace_back(
+    found: dict[str, Verdict],
+    programs: Mapping[str, Sequence[Programs]],
+    causes: Sequence[str],
+    work: Confirmation,
+) -> None:
+    """Names the cause of what was taken for one before its cause was established.
+
+    The later one fails with the earlier held still, as that was looked for.
+    """
+    later: list[str] = []  # each undoes the breach of one promise
+    for id in reversed(causes):
+        follows = None
+        with suppress(TimeUpError):  # what was shown stays shown
+            follows = _cause_of(id, programs[id], later, work)
+        if follows is None:
+            later[:0] = [id] if HOLDS[id].consequences is None else []
+            continue
+        for each in found.values():
+            if each.follows_from and each.follows_from.id == id:
+                root = replace(each.follows_from, id=follows.id)
+                found[each.id] = replace(each, follows_from=root)
+        found[id] = replace(found[id], follows_from=follows)
+
+
+def _general(causes: Iterable[str]) -> list[Hold]:
+    """What other comparisons are shown with where they aren't without."""
+    return [HOLDS[each] for each in causes if HOLDS[each].is_general]
 
 
 def _without_chance(
@@ -398,40 +427,29 @@ def _order(draft: tuple[Verdict, Sequence[Programs]]) -> tuple[int, int]:
     return place, SEVERITIES.index(draft[0].severity)
 
 
-def _others(causes: Iterable[str], id: str) -> Iterator[tuple[str, Hold]]:
-    """The established causes, each kind of hold once."""
-    held: set[str] = set()
-    for cause in causes:
-        hold = HOLDS[cause]
-        explains = hold.is_general or id in hold.consequences
-        if cause != id and explains and hold.words not in held:
-            held.add(hold.words)
-            yield cause, hold
-
-
 def _cause_of(
-    id: str, programs: Sequence[Programs], causes: Iterable[tuple[str, Hold]], work: Confirmation
+    id: str, programs: Sequence[Programs], causes: Sequence[str], work: Confirmation
 ) -> FollowsFrom | None:
     """The cause that, held still, lets every reproducer pass."""
-    known, compares = list(causes), all(each.compares for each in programs)
-    general = [hold for _, hold in known if hold.is_general]
-    for cause, hold in known:
-        if not compares and id not in hold.consequences:
+    compares = all(each.compares for each in programs)
+    general = _general(causes) if compares else []
+    for cause, hold in ((each, HOLDS[each]) for each in causes):
+        if not hold.explains(id, compares=compares):
             continue
-        for below in (None, *(general if id in hold.consequences else ())):
-            # below: what else differs by itself
+        is_named = hold.consequences is None or id in hold.consequences
+        for below in (None, *(general if is_named else ())):  # what else differs by itself
             holds = [below, hold] if below is not None and below is not hold else [hold]
             if all(work.passes_held(each, holds) for each in programs):
                 return FollowsFrom(cause, hold.words)
-    return _of_several(programs, known, work) if compares else None
+    return _of_several(programs, causes, work) if compares else None
 
 
 def _of_several(
-    programs: Sequence[Programs], known: Iterable[tuple[str, Hold]], work: Confirmation
+    programs: Sequence[Programs], causes: Iterable[str], work: Confirmation
 ) -> FollowsFrom | None:
     """The last of several causes, where every reproducer passes once all are held still."""
     wholes, words = [each.whole for each in programs], ""
-    for cause, hold in (each for each in known if each[1].is_general):
+    for cause, hold in ((each, HOLDS[each]) for each in causes if HOLDS[each].is_general):
         wholes = [each.held(whole, (hold,)) for each, whole in zip(programs, wholes, strict=True)]
         if words and all(map(work.passes, wholes)):
             return FollowsFrom(cause, f"{words}, and {hold.words}")

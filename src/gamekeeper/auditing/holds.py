@@ -395,19 +395,22 @@ def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
 def missing_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Gives each agent in the game the entries of rewards, flags and infos that it lacks.
 
-    So it does in a Parallel environment for one that the step takes out.
+    So it does in a Parallel environment for one that the step takes out. What the first reset
+    doesn't set, later ones don't leave from the last episode.
     """
     names = "rewards", "terminations", "truncations", "infos", "_cumulative_rewards"
     values: Any = 0.0, False, False, {}, 0.0
 
     def book_of(env: Any, name: str) -> Any:
-        return getattr(env, name) if hasattr(env, name) else vars(env).setdefault(name, {})
+        return getattr(env, name, None) or vars(env.unwrapped).setdefault(name, {})
 
     def changed(env: Any, out: Any, before: Any) -> Any:
         if isinstance(out, tuple) and len(out) == 5:
             books, agents = list(out[1:]), (*env.agents, *before)
         elif hasattr(type(env), "agent_iter"):
             books, agents = [book_of(env, name) for name in names], env.agents
+            lacking = {n for n, book in zip(names, books, strict=True) if set(agents) - set(book)}
+            env.__dict__.setdefault("never_set", lacking)
         else:
             return out
         for book, value in zip(books, values, strict=False):
@@ -415,7 +418,11 @@ def missing_held(make: Callable[[], Any]) -> Callable[[], Any]:
                 book.setdefault(agent, copy.copy(value))
         return out
 
-    return _with_outputs(make, changed)
+    def forget(env: Any) -> None:
+        for name in env.__dict__.get("never_set", ()):
+            book_of(env, name).clear()
+
+    return before_resets(_with_outputs(make, changed), forget)
 
 
 def containers_of(root: Any) -> Iterator[Any]:
@@ -548,11 +555,16 @@ class Hold:
         words: what is done, for `follows_from`.
         function: takes `make`, returns another.
         consequences: checks whose failure may follow from the cause, also one that a single episode
-            shows.
+            shows; None: any, as one broken promise is repaired and all else is as it was.
         is_general: so may that of any check that compares two episodes.
     """
 
     words: str
     function: Callable[[Callable[[], Any]], Callable[[], Any]]
-    consequences: tuple[str, ...] = ()
+    consequences: tuple[str, ...] | None = None
     is_general: bool = False
+
+    def explains(self, id: str, *, compares: bool) -> bool:
+        """Tells whether a check's failure may follow: a program that passes with it shows that."""
+        is_named = self.consequences is None or id in self.consequences
+        return is_named or (self.is_general and compares)

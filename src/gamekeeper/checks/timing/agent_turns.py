@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, Cases, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.ended_agents import ended_in, may_leave
 from gamekeeper.checks.facts.episode_facts import NearLimit, SelectedAgents, TurnRosters
 from gamekeeper.checks.facts.lifecycle_facts import IteratedAgents
@@ -184,7 +184,7 @@ LEAST_TURNS: Final = 20
 
 @check(
     "GK304",
-    MEDIUM,
+    LOW,
     "rollout",
     api="aec",
     confidence=0.95,
@@ -195,7 +195,7 @@ def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) 
 
     Until then its learner doesn't know of the end, nor of its last reward. PettingZoo's own way is
     to let dead agents step first; one that waits for its turn in the order is no fault. Five rounds
-    of all agents, and 20 turns at least, are.
+    of all agents, and 20 turns at least, are; of low severity, as nothing of its reward is lost.
 
     Bad:
         live = [a for a in self.agents if not self.terminations[a]]

@@ -37,7 +37,6 @@ for the cells where players of the episode before stood, which it doesn't give t
 down before them. Observations as a grid, whose space it can't make, are left out.
 """
 
-import re
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -46,7 +45,6 @@ from gymnasium.spaces import Box, Discrete
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
@@ -194,43 +192,10 @@ def foraging_kernel(
     )
 
 
-_ID: Final = re.compile(
-    r"Foraging(?P<sight>-2s)?-(?P<rows>\d+)x(?P<columns>\d+)-(?P<players>\d+)p-(?P<food>\d+)f"
-    r"(?P<coop>-coop)?(?P<pen>-pen)?-v3"
-)
-
-
-def arguments_of(gymnasium_id: str) -> dict[str, Any]:
-    """The arguments of the task that lbforaging registers under an id, as `Foraging-8x8-2p-3f-v3`.
-
-    Raises:
-        SpecError: it registers none, or one with observations as a grid.
-    Source: `lbforaging/__init__.py`, lbforaging 2.0.0.
-    """
-    found = _ID.fullmatch(gymnasium_id)
-    if found is None:
-        raise SpecError(
-            "lbforaging has no such environment with flattened observations",
-            where="gymnasium_id",
-            expected="as Foraging-8x8-2p-3f-v3 or Foraging-2s-10x10-3p-3f-coop-v3",
-            actual=repr(gymnasium_id),
-            fix="write the id as lbforaging registers it",
-        )
-    return {
-        "players": int(found["players"]),
-        "max_num_food": int(found["food"]),
-        "field_size": (int(found["rows"]), int(found["columns"])),
-        "sight": 2 if found["sight"] else int(found["rows"]),
-        "force_coop": bool(found["coop"]),
-        "penalty": 0.1 if found["pen"] else 0.0,
-    }
-
-
 class Foraging(Pictured, KernelTicks):
     """Each player sees [3 max_num_food + 3 players] float32 numbers (R7); actions are 0 to 5.
 
-    Arguments are named as lbforaging's; `Foraging(**arguments_of("Foraging-8x8-2p-3f-v3"))` is what
-    Gymnasium makes of that id.
+    Arguments are named as lbforaging's.
 
     Args:
         players: how many.

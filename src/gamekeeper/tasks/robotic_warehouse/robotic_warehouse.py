@@ -35,7 +35,6 @@ Cooperative Tasks"; rules of the package rware 2.0.0, equal step by step but for
 messages and image observations.
 """
 
-import re
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -44,7 +43,7 @@ from gymnasium.spaces import Box, Discrete
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError, check_choice
+from gamekeeper.errors import check_choice
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
@@ -262,60 +261,10 @@ def _check(
     check_choice(reward_type, REWARDS, "there is no such reward", where="reward_type")
 
 
-_SIZED: Final = re.compile(
-    r"rware-(?:(?P<range>\d+)s-)?(?P<layout>tiny|small|medium|large)-(?:(?P<height>\d+)h-)?"
-    r"(?P<robots>\d+)ag(?P<rate>-easy|-hard)?-v2"
-)
-_COUNTED: Final = re.compile(
-    r"rware-(?:(?P<range>\d+)s-)?(?P<rows>\d+)x(?P<columns>\d+)-(?P<height>\d+)h-(?P<robots>\d+)ag-"
-    r"(?P<requests>\d+)req-(?P<pays>indiv|global|twostage)-v2"
-)
-_RATES: Final = {"-easy": 2.0, None: 1.0, "-hard": 0.5}
-_PAYS: Final = {"indiv": "individual", "global": "global", "twostage": "two_stage"}
-
-
-def arguments_of(gymnasium_id: str) -> dict[str, Any]:
-    """The arguments of the task that rware registers under an id, as `rware-tiny-2ag-hard-v2`.
-
-    Raises:
-        SpecError: it registers none, or one with image observations.
-    Source: `rware/__init__.py`, rware 2.0.0.
-    """
-    if found := _SIZED.fullmatch(gymnasium_id):
-        robots = int(found["robots"])
-        arguments = {
-            "layout": found["layout"],
-            "request_queue_size": int(robots * _RATES[found["rate"]]),
-        }
-    elif found := _COUNTED.fullmatch(gymnasium_id):
-        robots = int(found["robots"])
-        arguments = {
-            "shelf_rows": int(found["rows"]),
-            "shelf_columns": int(found["columns"]),
-            "request_queue_size": int(found["requests"]),
-            "reward_type": _PAYS[found["pays"]],
-        }
-    else:
-        raise SpecError(
-            "rware has no such environment with flattened observations",
-            where="gymnasium_id",
-            expected="as rware-tiny-2ag-v2 or rware-2x3-8h-4ag-4req-indiv-v2",
-            actual=repr(gymnasium_id),
-            fix="write the id as rware registers it",
-        )
-    return {
-        **arguments,
-        "n_agents": robots,
-        "sensor_range": int(found["range"] or 1),
-        "column_height": int(found["height"] or 8),
-    }
-
-
 class RoboticWarehouse(Pictured, KernelTicks):
     """Each robot sees [8 + 7 (2 sensor_range + 1)^2] float32 numbers (R9); actions are 0 to 4.
 
-    Arguments are named as rware's; `RoboticWarehouse(**arguments_of("rware-tiny-2ag-v2"))` is what
-    Gymnasium makes of that id.
+    Arguments are named as rware's.
 
     Args:
         layout: `tiny`, `small`, `medium`, `large`, or rows of text: `x` a shelf's place, `.` a
