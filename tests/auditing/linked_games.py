@@ -166,3 +166,47 @@ class SetsNoRewards(Tokens):
         seen = super().observe(agent)
         seen["observation"][self.blocked] = 2 * hasattr(self, "rewards")
         return seen
+
+
+class SetsNoRewardsInTurn(SetsNoRewards):
+    """Beside it, who begins the next game is who didn't begin the last one."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Whatever the seed."""
+        super().reset(seed, options)
+        self.games = getattr(self, "games", 0) + 1
+        self.agent_selection = self.possible_agents[self.games % 2]
+
+
+class FilledOnce(Rovers):
+    """The constructor fills `agents`, and a reset takes who is left of them."""
+
+    def __init__(self, count: int = 3, horizon: int = 20, render_mode: str | None = None) -> None:
+        super().__init__(count, horizon, render_mode)
+        self.agents = list(self.possible_agents)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Of nobody once all have ended."""
+        left = list(self.agents)
+        out = super().reset(seed, options)
+        self.agents = left
+        return tuple({agent: part[agent] for agent in left} for part in out)
+
+
+class BlownAndLeft(Rovers):
+    """Wind is drawn from a space; who has ended stays, and is paid on."""
+
+    def drive(self, agent: str, action: int) -> None:
+        """The wind moves a rover."""
+        super().drive(agent, int(self.action_space(agent).sample()))
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Nobody leaves."""
+        there = list(self.agents)
+        out = super().step(actions)
+        self.agents = there
+        return out
+
+    def reward(self, agent: str) -> float:
+        """For being there."""
+        return super().reward(agent) + 1.0

@@ -31,6 +31,8 @@ GAMES = "tests.auditing.linked_games"
         ("ByMemo", {}),
         ("Outlasting", {"GK402": "GK405", "GK405": None}),
         ("SetsNoRewards", {"GK107": None, "GK406": "GK107", "GK604": "GK107"}),
+        ("SetsNoRewardsInTurn", {"GK107": None, "GK406": "GK107", "GK604": None}),
+        ("FilledOnce", {"GK103": None, "GK523": "GK103", "GK604": "GK103"}),
         ("LiveAgain", {"GK233": "GK505", "GK505": None}),
     ],
 )
@@ -42,12 +44,18 @@ def test_cause_is_told_once(game: str, causes: dict[str, str | None]) -> None:
     assert named == causes
 
 
-def test_copy_has_spaces_that_go_on_as_those_of_its_original() -> None:
+@pytest.mark.parametrize(
+    ("game", "causes"),
+    [
+        ("DrawsOfSpaces", {"GK601": "GK638", "GK604": "GK638", "GK638": None, "GK701": "GK638"}),
+        ("BlownAndLeft", {"GK402": "GK503", "GK503": None, "GK601": "GK638", "GK638": None}),
+    ],
+)
+def test_cause_is_told_once_where_spaces_draw(game: str, causes: dict[str, str | None]) -> None:
     """In a process of its own, where spaces draw as they do for a user."""
-    select = "GK601", "GK604", "GK638", "GK701"
-    found = audit(f"{GAMES}:DrawsOfSpaces", select=select, budget=1_000)
+    found = audit(f"{GAMES}:{game}", select=tuple(causes), budget=1_000)
     named = {each.id: each.follows_from and each.follows_from.id for each in found.failed}
-    assert named == {"GK601": "GK638", "GK604": "GK638", "GK638": None, "GK701": "GK638"}
+    assert named == causes
 
 
 def test_what_is_other_by_an_address_follows_from_the_address() -> None:

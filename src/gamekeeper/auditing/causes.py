@@ -13,6 +13,7 @@ from gamekeeper.auditing.draw_holds import (
 from gamekeeper.auditing.holds import (
     Hold,
     actions_held,
+    agents_held,
     bounds_held,
     classes_held,
     contents_held,
@@ -79,6 +80,7 @@ HOLDS: Final = {
     "GK814": READINGS,
     "GK104": Hold("agents named once each", names_held),
     "GK102": Hold("possible_agents named anew", rosters_held, ("GK103",), is_general=True),
+    "GK103": Hold("all agents in `agents` before each reset", agents_held),
     "GK606": INSTANCES,
     "GK604": INSTANCES,
     "GK608": Hold("objects numbered in place of their id()", ids_held, (), is_general=True),

@@ -369,13 +369,14 @@ def _trace_back(
 
     The later one fails with the earlier held still, as that was looked for.
     """
-    later: list[str] = []  # each undoes the breach of one promise
+    later: list[str] = []
     for id in reversed(causes):
         follows = None
         with suppress(TimeUpError):  # what was shown stays shown
-            follows = _cause_of(id, programs[id], later, work)
+            naming = [each for each in later if HOLDS[each].names(id)]
+            follows = _cause_of(id, programs[id], naming, work)
         if follows is None:
-            later[:0] = [id] if HOLDS[id].consequences is None else []
+            later.insert(0, id)
             continue
         for each in found.values():
             if each.follows_from and each.follows_from.id == id:
@@ -430,16 +431,21 @@ def _order(draft: tuple[Verdict, Sequence[Programs]]) -> tuple[int, int]:
 def _cause_of(
     id: str, programs: Sequence[Programs], causes: Sequence[str], work: Confirmation
 ) -> FollowsFrom | None:
-    """The cause that, held still, lets every reproducer pass."""
+    """The cause that, held still, lets every reproducer pass.
+
+    What else differs by itself may have to be held too. Without the cause they must fail, but where
+    it makes two episodes differ by itself.
+    """
     compares = all(each.compares for each in programs)
-    general = _general(causes) if compares else []
+
+    def passes(*holds: Hold) -> bool:
+        return all(work.passes_held(each, holds) for each in programs)
+
     for cause, hold in ((each, HOLDS[each]) for each in causes):
-        if not hold.explains(id, compares=compares):
-            continue
-        is_named = hold.consequences is None or id in hold.consequences
-        for below in (None, *(general if is_named else ())):  # what else differs by itself
-            holds = [below, hold] if below is not None and below is not hold else [hold]
-            if all(work.passes_held(each, holds) for each in programs):
+        is_noise = hold.is_general and compares
+        general = [each for each in _general(causes) if hold.names(id) and each is not hold]
+        for below in ((), *((each,) for each in general)) if hold.explains(id, compares) else ():
+            if passes(*below, hold) and (is_noise or not passes(*below)):
                 return FollowsFrom(cause, hold.words)
     return _of_several(programs, causes, work) if compares else None
 

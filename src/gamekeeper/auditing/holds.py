@@ -316,6 +316,13 @@ def rosters_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return before_resets(make, lambda env: setattr(env, "possible_agents", list(names)))
 
 
+def agents_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Names all possible agents in `agents` before each reset, as none has left."""
+    return before_resets(
+        make, lambda env: setattr(env.unwrapped, "agents", list(env.possible_agents))
+    )
+
+
 def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Takes agents that have ended out of `agents`; without agents nothing is played on."""
 
@@ -564,7 +571,10 @@ class Hold:
     consequences: tuple[str, ...] | None = None
     is_general: bool = False
 
-    def explains(self, id: str, *, compares: bool) -> bool:
+    def explains(self, id: str, compares: bool) -> bool:
         """Tells whether a check's failure may follow: a program that passes with it shows that."""
-        is_named = self.consequences is None or id in self.consequences
-        return is_named or (self.is_general and compares)
+        return self.names(id) or (self.is_general and compares)
+
+    def names(self, id: str) -> bool:
+        """Tells whether a check is among the consequences, whatever it looks at."""
+        return self.consequences is None or id in self.consequences
