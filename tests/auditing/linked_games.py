@@ -216,3 +216,30 @@ class NeverTruncates(Rovers):
         """All else is told."""
         observations, rewards, terminations, _, infos = super().step(actions)
         return observations, rewards, terminations, {}, infos
+
+
+class BidsOfTheDead(Traders):
+    """A trader that has ended bids like any other: a number is taken, and None raises."""
+
+    def _was_dead_step(self, action: Any) -> None:
+        """Notes the bid of one that is out."""
+        self.bids = int(action)
+        super()._was_dead_step(None)
+
+
+class OneRoster(Rovers):
+    """The list of agents is that of the possible ones, and who has ended is taken out of both."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Raises where all have ended before."""
+        out = super().reset(seed, options)
+        self.agents = self.possible_agents
+        self.first = self.agents[0]
+        return out
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Takes the ended out of the one list."""
+        out = super().step(actions)
+        self.possible_agents[:] = self.agents
+        self.agents = self.possible_agents
+        return out

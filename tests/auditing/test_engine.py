@@ -215,6 +215,23 @@ def test_gather_gives_each_probe_one_look_however_short_its_share() -> None:
     assert len(gathering.looks["rollout"]) == 1
 
 
+def test_gather_doesnt_take_what_the_first_play_compiles_for_its_pace(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By a clock on which a step takes 1 s, and the first play of all 100 s more."""
+    now_s = [0.0]
+
+    class Ticking(Rovers):
+        def step(self, actions: dict[str, Any]) -> Any:
+            now_s[0] += 1.0 if now_s[0] else 101.0
+            return super().step(actions)
+
+    monkeypatch.setattr(gathering_room.time, "monotonic", lambda: now_s[0])
+    session = session_of(open_env(Ticking), None, spec=Ticking, kwargs={}, seed=0, budget=100)
+    steps = gathering_room._steps_until(session, 10_000.0)
+    assert 10_000.0 - now_s[0] <= steps  # resets count, too
+
+
 def test_gather_goes_on_where_time_ends_while_it_looks_for_sharing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

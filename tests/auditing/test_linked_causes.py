@@ -33,6 +33,8 @@ GAMES = "tests.auditing.linked_games"
         ("SetsNoRewards", {"GK107": None, "GK406": "GK107", "GK604": "GK107"}),
         ("SetsNoRewardsInTurn", {"GK107": None, "GK406": "GK107", "GK604": None}),
         ("FilledOnce", {"GK103": None, "GK523": "GK103", "GK604": "GK103"}),
+        ("BidsOfTheDead", {"GK522": None, "GK527": "GK522"}),
+        ("OneRoster", {"GK102": None, "GK523": "GK102"}),
         ("LiveAgain", {"GK233": "GK505", "GK505": None}),
         ("LiveAgainByChance", {"GK233": "GK505", "GK505": None, "GK601": None}),
     ],

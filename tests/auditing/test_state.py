@@ -59,6 +59,26 @@ class Nested(Rovers):
         return {"cells": super().state(), "time": self.time}
 
 
+class Ones(Rovers):
+    """Zeros and ones of another dtype than the MultiBinary that is declared."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.state_space = spaces.MultiBinary(self.state_space.shape)  # type: ignore[assignment]
+
+    def state(self) -> Any:
+        return (super().state() > 0.5).astype(np.int64)
+
+
+class Property(Undeclared):
+    """What others have as a method is a property, which has no value before the first reset."""
+
+    @property
+    def state(self) -> Any:  # type: ignore[override]  # which is what a reader meets
+        assert self.agents, "reset it first"
+        return {"time": self.time}
+
+
 class SilentAtTheEnd(Traders):
     """Has no state once all have ended."""
 
@@ -111,6 +131,17 @@ def test_state_without_a_space_keeps_its_form() -> None:
 def test_state_of_nan_is_found_without_a_space() -> None:
     """NaN is no state, whatever is declared."""
     assert "GK813" in [verdict.id for verdict in audited(NotANumber).failed]
+
+
+def test_state_of_zeros_and_ones_is_a_binary_one() -> None:
+    """Of another dtype it is within its space, and of low severity."""
+    found = audited(Ones)
+    assert {each.id: each.severity for each in found.failed} == {"GK812": "low"}
+
+
+def test_state_that_is_a_property_is_no_method() -> None:
+    """Nothing is judged then, though the property raises before the first reset."""
+    assert {"not_applicable"} == {verdict.outcome for verdict in audited(Property).verdicts}
 
 
 def test_state_that_is_none_hasnt_its_shape() -> None:

@@ -54,6 +54,25 @@ class NoFrame(Traders):
         super().render()
 
 
+@faulty("GK802")
+class NoSuchPicture(Rovers):
+    """A mode of its own is listed, and render() knows nothing of it.
+
+    The map is to come.
+    """
+
+    metadata = {  # noqa: RUF012  # as PettingZoo has it
+        **Rovers.metadata,
+        "render_modes": ["rgb_array", "map"],
+    }
+
+    def render(self) -> Any:
+        """The picture, or what isn't written yet."""
+        if self.render_mode == "map":
+            raise NotImplementedError(self.render_mode)
+        return super().render()
+
+
 @faulty("GK803")
 class ShrinkingFrame(Rovers):
     """The picture has a column for each live rover, and so becomes narrower.

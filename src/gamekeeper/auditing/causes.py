@@ -62,6 +62,7 @@ READINGS: Final = Hold(
 )
 OBSERVATIONS: Final = Hold("observations copied", observations_held)
 INFOS: Final = Hold("infos copied", infos_held)
+DEAD_STEPS: Final = Hold("steps of the dead made by `_was_dead_step`", dead_steps_held)
 MISSING: Final = Hold("missing entries added", missing_held)
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
@@ -79,7 +80,7 @@ HOLDS: Final = {
     "GK637": READINGS,
     "GK814": READINGS,
     "GK104": Hold("agents named once each", names_held),
-    "GK102": Hold("possible_agents named anew", rosters_held, ("GK103",), is_general=True),
+    "GK102": Hold("possible_agents named anew", rosters_held, ("GK103", "GK523"), is_general=True),
     "GK103": Hold("all agents in `agents` before each reset", agents_held),
     "GK606": INSTANCES,
     "GK604": INSTANCES,
@@ -95,7 +96,8 @@ HOLDS: Final = {
     "GK405": Hold("`rewards` cleared before each step", rewards_held),
     "GK503": Hold("agents that have ended taken out of `agents`", ended_held),
     "GK505": Hold("flags of the ended kept up", flags_held),
-    "GK303": Hold("steps of the dead made by `_was_dead_step`", dead_steps_held),
+    "GK303": DEAD_STEPS,
+    "GK522": DEAD_STEPS,
     "GK107": MISSING,
     "GK109": MISSING,
     "GK106": Hold("entries of agents that aren't live deleted", entries_held),

@@ -3,6 +3,7 @@
 import copy
 import hashlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
 
@@ -45,7 +46,10 @@ def state(session: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         `StateSpace`, `StateAnswers`, `UsedState`, `LateState`.
     """
     env = session.env()
-    if not callable(getattr(env, "state", None)):  # a field of that name is no state()
+    method = None
+    with suppress(Exception):  # a property raises before the first reset, say
+        method = getattr(env, "state", None)
+    if not callable(method):  # a field of that name is no state()
         yield session.fact(StateSpace(False, None, None, None))
         return
     recorder = StateRecorder(session, env)

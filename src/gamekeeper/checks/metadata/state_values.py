@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.checks.check import MEDIUM, Case, Cases, check
+from gamekeeper.checks.check import LOW, MEDIUM, Case, Cases, check
 from gamekeeper.checks.effects import numbers_in
 from gamekeeper.checks.facts.episode_facts import StateForms
 from gamekeeper.checks.facts.state_facts import (
@@ -123,7 +123,8 @@ def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Case
 def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """state() has the dtype of state_space, and without one a dtype that it keeps.
 
-    Buffers are allocated after the space: a float64 loses digits in them, or is refused.
+    Buffers are allocated after the space: a float64 loses digits in them, or is refused. What
+    the space contains all the same, as zeros and ones in a MultiBinary, is of low severity.
 
     Bad:
         return np.concatenate(rows)                       # float64
@@ -141,14 +142,15 @@ def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Case
         dtype, declared = answer.dtype, space_of(evidence, fact.where.play)
         if answer.failed is not None or dtype is None:
             continue
-        is_declared = declared.dtype is not None
-        if declared.space is not None and not is_declared:
+        if declared.space is not None and declared.dtype is None:
             continue
-        expected = declared.dtype if is_declared else firsts.setdefault(play, dtype)
-        proof = reproducer_of(state_has_dtype if is_declared else state_keeps_dtype)
-        yield Case(
-            answer_at(fact, answer, "state.dtype"), dtype == expected, expected, dtype, proof
-        )
+        expected = declared.dtype or firsts.setdefault(play, dtype)
+        proof = reproducer_of(state_has_dtype if declared.dtype else state_keeps_dtype)
+        where = answer_at(fact, answer, "state.dtype")
+        case = Case(where, dtype == expected, expected, dtype, proof)
+        is_binary = answer.is_within and str(declared.space).startswith("MultiBinary")
+        is_taken = is_binary or (declared.dtype and np.can_cast(dtype, declared.dtype))
+        yield replace(case, severity=LOW) if is_taken else case
 
 
 WITHIN = "state = env.state()\nassert env.state_space.contains(state), (state, env.state_space)"

@@ -18,7 +18,6 @@ from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import names_stay, names_stay_after_reset
 from gamekeeper.checks.rosters.agent_entries import PARTS, entry_place, turn_entries
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.where import Where
 
 PROOF = Reproducer(
@@ -279,7 +278,7 @@ def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) ->
                     )
 
 
-@check("GK112", HIGH, "rollout", looks_at="an agent that left while others were live")
+@check("GK112", HIGH, "rollout", looks_at="an agent that ended and left while others were live")
 def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvidence) -> Cases:
     """An agent that has ended and left isn't revived under the same name in the same episode.
 
@@ -294,27 +293,21 @@ def nobody_comes_back_within_an_episode(contract: Contract, evidence: ProbeEvide
     a name that wasn't used in this episode
     """
     for episode, rosters in plays_with_rosters(evidence):
+        ended_at = {turn.index: turn.ended for turn in episode.turns}
+        ended: set[str] = set()
         gone: set[str] = set()
-        live: set[str] = set(rosters[0]) if rosters else set()
+        live: set[str] = set()
         for turn, names in enumerate(rosters):
-            gone |= live - set(names)
+            ended |= ended_at.get(turn, set())  # without an end it may not leave, as GK501 says
+            gone |= (live - set(names)) & ended
             live = set(names)
             back = sorted(live & gone)
-            back = [agent for agent in back if not _may_return(contract, episode, agent, turn)]
             if gone:
                 where = episode.at(turn, back[0] if back else None, "agents")
                 expected = "gone for the rest of the episode"
                 seen = f"back: {', '.join(back)}"
                 yield Case(where, not back, expected, seen, _proof(evidence.api))
             gone -= live
-
-
-def _may_return(contract: Contract, episode: Episode, agent: str, turn: int) -> bool:
-    """Declared free to leave and join, and didn't end before."""
-    role = contract.roles.get(contract.role_of(agent) or "")
-    if role is None or not (role.may_leave and role.may_join):
-        return False
-    return not any(agent in each.ended for each in episode.turns if each.index < turn)
 
 
 def _proof(api: str) -> str:
