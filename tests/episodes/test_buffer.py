@@ -3,7 +3,7 @@
 import sys
 import threading
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gamekeeper.episodes.buffer import (
@@ -70,6 +70,7 @@ def drain(buffer: Buffer, most: int, most_rows: int) -> list[BufferedTurns]:
 
 
 @given(EPISODES, st.integers(1, 5), st.integers(1, 9))
+@example([[1, 0]], 2, 1)  # a turn without rows after the one that reaches the bound
 def test_buffered_parts_hold_whole_turns_in_order(
     episodes: list[list[int]], most: int, most_rows: int
 ) -> None:

@@ -343,7 +343,7 @@ def test_open_env_refuses_two_apis_and_unknown_ones() -> None:
 def test_open_env_says_which_arguments_dont_fit() -> None:
     """A refused argument comes with what the factory takes, also where it only passes them on."""
     said = told(Pair, m=3)
-    assert "Pair(n: 'int' = 2, render_mode: 'str | None' = None)" in said
+    assert "Pair(n: int = 2, render_mode: str | None = None)" in said
     said = told("mpe2.simple_spread_v3:parallel_env", M=3)
     assert "raw_env(N: 'int' = 3" in said
 

@@ -130,7 +130,7 @@ def take(buffer: Buffer, *, most: int, most_rows: int = 65_536) -> BufferedTurns
         ends = len(buffer.ends)
         waiting = len(buffer.turns) // TURN
         counts: list[int] = buffer.turns[2 : min(waiting, most) * TURN : TURN]  # type: ignore[assignment]  # numbers of rows
-        if sum(map(abs, counts)) > most_rows:
+        if sum(map(abs, counts)) >= most_rows:
             # the turn that reaches `most_rows` is the last one taken
             reached = list(accumulate(map(abs, counts)))
             del counts[bisect_left(reached, most_rows) + 1 :]
