@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+import numpy as np
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from tests.faults.rovers import Rovers
@@ -243,3 +244,11 @@ class OneRoster(Rovers):
         self.possible_agents[:] = self.agents
         self.agents = self.possible_agents
         return out
+
+
+class SetsNoRewardsAndDraws(SetsNoRewards):
+    """Beside it, a game is drawn from numpy's global generator."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Reads no seed."""
+        super().reset(int(np.random.randint(1_000)), options)  # which is the fault

@@ -32,6 +32,7 @@ GAMES = "tests.auditing.linked_games"
         ("Outlasting", {"GK402": "GK405", "GK405": None}),
         ("SetsNoRewards", {"GK107": None, "GK406": "GK107", "GK604": "GK107"}),
         ("SetsNoRewardsInTurn", {"GK107": None, "GK406": "GK107", "GK604": None}),
+        ("SetsNoRewardsAndDraws", {"GK107": None, "GK601": "GK602", "GK602": None}),
         ("FilledOnce", {"GK103": None, "GK523": "GK103", "GK604": "GK103"}),
         ("BidsOfTheDead", {"GK522": None, "GK527": "GK522"}),
         ("OneRoster", {"GK102": None, "GK523": "GK102"}),

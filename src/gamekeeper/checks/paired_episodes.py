@@ -180,7 +180,8 @@ def _both(given: str, state: str) -> str:
 
 def _aec(reset: str, tells: frozenset[str]) -> list[str]:
     last = "env.last()" if "infos" in tells else "env.last()[:4]"
-    look = f"env.agents and (env.agent_selection, {last}), dict(env.rewards)"
+    rewards = 'dict(getattr(env, "rewards", {}))'  # a reset may leave them to the first step
+    look = f"env.agents and (env.agent_selection, {last}), {rewards}"
     if "state" in tells:
         look += ", env.state()"
     return [
