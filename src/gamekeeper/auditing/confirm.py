@@ -386,7 +386,7 @@ def _trace_back(
 
 
 def _general(causes: Iterable[str]) -> list[Hold]:
-    """What other comparisons are shown with where they aren't without."""
+    """Holds of causes of noise, with which other comparisons are shown where noise hides them."""
     return [HOLDS[each] for each in causes if HOLDS[each].is_general]
 
 
