@@ -64,7 +64,7 @@ class Ones(Rovers):
 
     def __init__(self) -> None:
         super().__init__()
-        self.state_space = spaces.MultiBinary(self.state_space.shape)  # type: ignore[assignment]
+        self.state_space = spaces.MultiBinary(self.state_space.shape)  # type: ignore[assignment]  # no Box
 
     def state(self) -> Any:
         return (super().state() > 0.5).astype(np.int64)
